@@ -1,0 +1,384 @@
+//! A restricted Voronoi cell: the part of a patch nearer to its site than to
+//! any other.
+//!
+//! Accelerated Lloyd's Method for Resampling 3D Point Clouds, section III-C:
+//! the patch's domain is clipped by the bisectors between the site and its
+//! neighbours, nearest first, until none can cut any more.
+//!
+//! ```text
+//!        ______              the domain: a dodecagon about the site
+//!      /   |    \
+//!     |----+-    \           a bisector cuts off what is nearer to its
+//!     |    | x    |          neighbour; its edge remembers which one
+//!      \   |     /
+//!        ‾‾‾‾‾‾
+//! ```
+//!
+//! The *security radius* ends it: no neighbour farther than twice the largest
+//! distance from the site to a corner can cut (Lévy and Bonneel, *Variational
+//! anisotropic surface meshing with Voronoi parallel linear enumeration*,
+//! 2012). Corners lie on the patch, so the cell bends with it: bisectors are
+//! planes of space, applied to lifted corners. Between corners the cell is
+//! flat; a cell is small beside the surface's radius of curvature or the patch
+//! would not describe it.
+
+use super::{Local, Patch};
+
+/// Sides of the domain before anything is cut off.
+const DOMAIN_SIDES: usize = 12;
+/// Every cut adds at most one corner; a cell with more sides is not met before
+/// the neighbours that could make it run out.
+const MAX_CORNERS: usize = 40;
+/// Stands for the domain's rim where a neighbour is asked for.
+const RIM: u32 = u32::MAX;
+
+#[derive(Clone, Copy, Debug)]
+struct Corner {
+    /// In the patch's frame, from the site.
+    position: Local,
+    /// Who cut the edge from this corner to the next.
+    edge: u32,
+}
+
+/// A neighbour of the site: its place in the caller's list, and where it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Neighbor {
+    /// Squared distance from the site.
+    pub distance_squared: f64,
+    /// The caller's name for it.
+    pub index: u32,
+    /// Where it is.
+    pub position: Local,
+}
+
+/// The restricted Voronoi cell of a site: a polygon with corners on the patch.
+#[derive(Clone, Debug)]
+pub struct Cell {
+    corners: [Corner; MAX_CORNERS],
+    count: usize,
+    /// Scratch for the next cut.
+    cut: [Corner; MAX_CORNERS],
+    /// The neighbour whose bisector was looked at last: the cell depends on
+    /// no site farther away.
+    reach_squared: f64,
+}
+
+/// What a Lloyd step and the figures of uniformity need of a cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moments {
+    /// Area (CRS units squared).
+    pub area: f64,
+    /// Centroid, not projected: inside the cell's hull, perhaps off the patch.
+    pub centroid: Local,
+    /// ∫ |x − site|² over the cell: its share of the energy (paper, eq. 2).
+    pub energy: f64,
+}
+
+impl Default for Cell {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Cell {
+    /// An empty cell, to be filled by [`clip`](Self::clip) again and again:
+    /// nothing is allocated per seed.
+    pub fn new() -> Self {
+        let nowhere = Corner {
+            position: Local::zeros(),
+            edge: RIM,
+        };
+        Self {
+            corners: [nowhere; MAX_CORNERS],
+            count: 0,
+            cut: [nowhere; MAX_CORNERS],
+            reach_squared: 0.0,
+        }
+    }
+
+    /// Computes the cell of `site` on `patch`, within `radius` (CRS units).
+    ///
+    /// `neighbors` must hold every other site within twice the distance to the
+    /// farthest corner of the lifted domain, and be sorted by distance.
+    pub fn clip(&mut self, patch: &Patch, site: Local, radius: f64, neighbors: &[Neighbor]) {
+        let [site_u, site_v, site_w] = patch.coordinates(site);
+        let lift = |u: f64, v: f64| Local::new(u, v, patch.height(site_u + u, site_v + v) - site_w);
+        self.count = DOMAIN_SIDES;
+        for (corner, &[cos, sin]) in self.corners.iter_mut().zip(&domain()) {
+            *corner = Corner {
+                position: lift(radius * cos, radius * sin),
+                edge: RIM,
+            };
+        }
+        self.reach_squared = 0.0;
+        let mut security = 4.0 * self.farthest_squared();
+        for neighbor in neighbors {
+            if neighbor.distance_squared > security {
+                break;
+            }
+            self.reach_squared = neighbor.distance_squared;
+            // A coincident site has no bisector: the two share their cell.
+            if neighbor.distance_squared > 0.0 && self.cut_by(patch, site, neighbor, &lift) {
+                security = 4.0 * self.farthest_squared();
+            }
+        }
+    }
+
+    /// Cuts off what is nearer to `neighbor`; whether anything was.
+    fn cut_by(
+        &mut self,
+        patch: &Patch,
+        site: Local,
+        neighbor: &Neighbor,
+        lift: &impl Fn(f64, f64) -> Local,
+    ) -> bool {
+        let towards = neighbor.position - site;
+        let direction = Local::from_iterator(patch.axes.iter().map(|axis| axis.dot(&towards)));
+        let half = 0.5 * neighbor.distance_squared;
+        // Positive beyond the bisector.
+        let beyond = |corner: &Corner| corner.position.dot(&direction) - half;
+
+        let mut sides = [0.0; MAX_CORNERS];
+        let mut any = false;
+        for k in 0..self.count {
+            sides[k] = beyond(&self.corners[k]);
+            any |= sides[k] > 0.0;
+        }
+        if !any || self.count + 2 > MAX_CORNERS {
+            return false;
+        }
+        let mut kept = 0;
+        for k in 0..self.count {
+            let next = if k + 1 == self.count { 0 } else { k + 1 };
+            let (here, there) = (self.corners[k], self.corners[next]);
+            if sides[k] <= 0.0 {
+                self.cut[kept] = here;
+                kept += 1;
+            }
+            if (sides[k] <= 0.0) != (sides[next] <= 0.0) {
+                let t = sides[k] / (sides[k] - sides[next]);
+                let crossing = here.position + (there.position - here.position) * t;
+                self.cut[kept] = Corner {
+                    position: lift(crossing.x, crossing.y),
+                    // Leaving the kept side, the new edge is the neighbour's.
+                    edge: if sides[k] <= 0.0 {
+                        neighbor.index
+                    } else {
+                        here.edge
+                    },
+                };
+                kept += 1;
+            }
+        }
+        std::mem::swap(&mut self.corners, &mut self.cut);
+        self.count = kept;
+        true
+    }
+
+    fn farthest_squared(&self) -> f64 {
+        self.corners[..self.count]
+            .iter()
+            .map(|c| c.position.norm_squared())
+            .fold(0.0, f64::max)
+    }
+
+    /// Squared distance to the farthest site that was looked at.
+    pub fn reach_squared(&self) -> f64 {
+        self.reach_squared
+    }
+
+    /// Whether neighbours bound the cell all around: no edge is the domain's.
+    pub fn is_closed(&self) -> bool {
+        self.count >= 3 && self.corners[..self.count].iter().all(|c| c.edge != RIM)
+    }
+
+    /// Number of edges that neighbours made.
+    pub fn neighbor_count(&self) -> usize {
+        self.corners[..self.count]
+            .iter()
+            .filter(|c| c.edge != RIM)
+            .count()
+    }
+
+    /// The neighbours whose bisectors are edges of the cell.
+    pub fn neighbors(&self) -> impl Iterator<Item = u32> + '_ {
+        self.corners[..self.count]
+            .iter()
+            .map(|c| c.edge)
+            .filter(|&edge| edge != RIM)
+    }
+
+    /// Area, centroid and energy of the cell of `site`, as the fan of
+    /// triangles from the site's foot; `None` if nothing is left of it.
+    pub fn moments(&self, patch: &Patch, site: Local) -> Option<Moments> {
+        let [u, v, w] = patch.coordinates(site);
+        let foot = Local::new(0.0, 0.0, patch.height(u, v) - w);
+        let (mut area, mut weighted, mut energy) = (0.0, Local::zeros(), 0.0);
+        for k in 0..self.count {
+            let a = self.corners[k].position;
+            let b = self.corners[if k + 1 == self.count { 0 } else { k + 1 }].position;
+            let triangle = 0.5 * (a - foot).cross(&(b - foot)).norm();
+            area += triangle;
+            weighted += (a + b + foot) * (triangle / 3.0);
+            energy += triangle / 6.0
+                * (a.dot(&a)
+                    + b.dot(&b)
+                    + foot.dot(&foot)
+                    + a.dot(&b)
+                    + b.dot(&foot)
+                    + foot.dot(&a));
+        }
+        if !(area > 0.0 && area.is_finite()) {
+            return None;
+        }
+        let c = weighted / area;
+        Some(Moments {
+            area,
+            centroid: site + patch.axes[0] * c.x + patch.axes[1] * c.y + patch.axes[2] * c.z,
+            energy,
+        })
+    }
+}
+
+/// Directions to the corners of the domain.
+fn domain() -> [[f64; 2]; DOMAIN_SIDES] {
+    // cos and sin of multiples of 30°, written out: the same bits on every
+    // machine, whatever its mathematics library.
+    const S: f64 = 0.866_025_403_784_438_6;
+    [
+        [1.0, 0.0],
+        [S, 0.5],
+        [0.5, S],
+        [0.0, 1.0],
+        [-0.5, S],
+        [-S, 0.5],
+        [-1.0, 0.0],
+        [-S, -0.5],
+        [-0.5, -S],
+        [0.0, -1.0],
+        [0.5, -S],
+        [S, -0.5],
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::PatchKind;
+
+    fn flat() -> Patch {
+        let grid: Vec<Local> = (-5..=5)
+            .flat_map(|i| (-5..=5).map(move |j| Local::new(f64::from(i), f64::from(j), 0.0) * 0.3))
+            .collect();
+        Patch::fit(Local::zeros(), &grid, 2.0, PatchKind::Quadratic).unwrap()
+    }
+
+    fn sorted(site: Local, others: &[Local]) -> Vec<Neighbor> {
+        let mut neighbors: Vec<Neighbor> = (0..)
+            .zip(others)
+            .map(|(index, &position)| Neighbor {
+                distance_squared: (position - site).norm_squared(),
+                index,
+                position,
+            })
+            .collect();
+        neighbors.sort_by(|a, b| a.distance_squared.total_cmp(&b.distance_squared));
+        neighbors
+    }
+
+    fn hexagonal(rings: i32) -> Vec<Local> {
+        let mut sites = Vec::new();
+        for i in -rings..=rings {
+            for j in -rings..=rings {
+                if (i, j) != (0, 0) {
+                    sites.push(Local::new(
+                        f64::from(i) + 0.5 * f64::from(j),
+                        f64::from(j) * 0.75_f64.sqrt(),
+                        0.0,
+                    ));
+                }
+            }
+        }
+        sites
+    }
+
+    #[test]
+    fn the_cell_of_a_hexagonal_lattice_is_the_regular_hexagon() {
+        let (patch, site) = (flat(), Local::zeros());
+        let mut cell = Cell::new();
+        cell.clip(&patch, site, 1.0, &sorted(site, &hexagonal(4)));
+        let moments = cell.moments(&patch, site).unwrap();
+        let area = 0.75_f64.sqrt();
+        assert!(cell.is_closed());
+        assert_eq!(cell.neighbor_count(), 6);
+        assert!((moments.area - area).abs() < 1e-9);
+        assert!(moments.centroid.norm() < 1e-9);
+        // 5√3/54 times the square of the area: the energy of the hexagon.
+        let hexagon = 5.0 * 3.0_f64.sqrt() / 54.0;
+        assert!((moments.energy / (area * area) - hexagon).abs() < 1e-6);
+    }
+
+    #[test]
+    fn sites_beyond_the_security_radius_change_nothing() {
+        let (patch, site) = (flat(), Local::zeros());
+        let (mut near, mut far) = (Cell::new(), Cell::new());
+        near.clip(&patch, site, 1.0, &sorted(site, &hexagonal(1)));
+        far.clip(&patch, site, 1.0, &sorted(site, &hexagonal(6)));
+        assert_eq!(near.moments(&patch, site), far.moments(&patch, site));
+        assert!(far.reach_squared() < 4.0);
+    }
+
+    #[test]
+    fn a_lonely_site_keeps_its_domain_open() {
+        let (patch, site) = (flat(), Local::zeros());
+        let mut cell = Cell::new();
+        cell.clip(&patch, site, 1.0, &[]);
+        let moments = cell.moments(&patch, site).unwrap();
+        assert!(!cell.is_closed());
+        // The regular dodecagon of circumradius 1 has area 3.
+        assert!((moments.area - 3.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_coincident_site_is_survived() {
+        let (patch, site) = (flat(), Local::zeros());
+        let mut sites = hexagonal(3);
+        sites.push(site);
+        let mut cell = Cell::new();
+        cell.clip(&patch, site, 1.0, &sorted(site, &sites));
+        assert!(cell.moments(&patch, site).unwrap().area > 0.8);
+    }
+
+    /// The naive twin: a fine raster of the domain, each pixel given to its
+    /// nearest site.
+    #[test]
+    fn cells_match_a_raster_of_nearest_sites() {
+        let patch = flat();
+        let site = Local::new(0.1, -0.05, 0.0);
+        let others: Vec<Local> = (0..40u64)
+            .map(|i| {
+                let unit = |k| crate::geometry::neighbors::spread(k) as f64 / u64::MAX as f64 - 0.5;
+                Local::new(unit(2 * i), unit(2 * i + 1), 0.0) * 4.0
+            })
+            .collect();
+        let mut cell = Cell::new();
+        cell.clip(&patch, site, 1.2, &sorted(site, &others));
+        let moments = cell.moments(&patch, site).unwrap();
+
+        let (mut area, mut centroid) = (0.0, Local::zeros());
+        let step = 0.004;
+        for i in -400..=400 {
+            for j in -400..=400 {
+                let x = site + Local::new(f64::from(i), f64::from(j), 0.0) * step;
+                let own = (x - site).norm_squared();
+                if others.iter().all(|o| (x - o).norm_squared() > own) {
+                    area += step * step;
+                    centroid += x * (step * step);
+                }
+            }
+        }
+        assert!(cell.is_closed());
+        assert!((moments.area - area).abs() < 0.01);
+        assert!((moments.centroid - centroid / area).norm() < 0.01);
+    }
+}

@@ -1,0 +1,197 @@
+//! The three kinds of coordinates, and the way from one to the next.
+//!
+//! | kind | type | meaning |
+//! | --- | --- | --- |
+//! | *stored* | [`Stored`] | integers on the run's one scale and offset |
+//! | *world* | `[f64; 3]` | CRS units, as a surveyor reads them |
+//! | *local* | [`Local`] | CRS units from the lattice's offset |
+//!
+//! Ownership (which cell, which tile) is decided on stored coordinates, in
+//! integers, so that it is exact. Kernels see local coordinates only: at a
+//! northing of 5 000 000 a rounding step of the world's would be felt. Because
+//! the lattice belongs to the run and not to the tile, a point has the same
+//! local coordinates, bit for bit, in every tile that sees it.
+
+use serde::{Deserialize, Serialize};
+
+/// CRS units from the lattice's offset.
+pub type Local = nalgebra::Vector3<f64>;
+
+/// A point as stored: integers on the run's scale and offset.
+///
+/// Ordered by `x`, then `y`, then `z`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct Stored {
+    /// Eastwards.
+    pub x: i32,
+    /// Northwards.
+    pub y: i32,
+    /// Upwards.
+    pub z: i32,
+}
+
+/// The run's one scale and offset: world = offset + scale × stored.
+///
+/// One scale serves the three axes, so that distances between stored points
+/// are integers too.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Lattice {
+    /// CRS units per stored unit; positive.
+    pub scale: f64,
+    /// World coordinates of the stored origin, multiples of `scale`.
+    pub offset: [f64; 3],
+}
+
+impl Lattice {
+    /// World coordinates of `point`.
+    pub fn world(&self, point: Stored) -> [f64; 3] {
+        let [x, y, z] = [point.x, point.y, point.z].map(|c| f64::from(c) * self.scale);
+        [self.offset[0] + x, self.offset[1] + y, self.offset[2] + z]
+    }
+
+    /// Local coordinates of `point`.
+    pub fn local(&self, point: Stored) -> Local {
+        Local::new(
+            f64::from(point.x) * self.scale,
+            f64::from(point.y) * self.scale,
+            f64::from(point.z) * self.scale,
+        )
+    }
+
+    /// The stored point nearest to `local`, halves away from zero; `None` if
+    /// it is not finite or beyond the range of `i32`.
+    pub fn stored(&self, local: Local) -> Option<Stored> {
+        Some(Stored {
+            x: round(local.x / self.scale)?,
+            y: round(local.y / self.scale)?,
+            z: round(local.z / self.scale)?,
+        })
+    }
+
+    /// The stored point nearest to `world`; `None` as for
+    /// [`stored`](Self::stored).
+    pub fn quantise(&self, world: [f64; 3]) -> Option<Stored> {
+        self.stored(Local::new(
+            world[0] - self.offset[0],
+            world[1] - self.offset[1],
+            world[2] - self.offset[2],
+        ))
+    }
+
+    /// Stored units in `length` (CRS units), rounded up, at least one.
+    ///
+    /// # Panics
+    ///
+    /// Unless `length` is finite and the result fits an `i64`.
+    pub fn units(&self, length: f64) -> i64 {
+        let units = (length / self.scale).ceil();
+        assert!(
+            units.abs() < 9.0e18,
+            "{length} is not a length on a scale of {}",
+            self.scale
+        );
+        (units as i64).max(1)
+    }
+}
+
+/// `value` rounded half away from zero, if it is an `i32`.
+fn round(value: f64) -> Option<i32> {
+    let rounded = value.round();
+    (f64::from(i32::MIN)..=f64::from(i32::MAX))
+        .contains(&rounded)
+        .then_some(rounded as i32)
+}
+
+/// A rectangle of the plane in stored units, half-open: `min <= c < max`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct Rect {
+    /// South-west corner, inside.
+    pub min: [i64; 2],
+    /// North-east corner, outside.
+    pub max: [i64; 2],
+}
+
+impl Rect {
+    /// Whether `point` lies inside, seen from above.
+    pub fn contains(&self, point: Stored) -> bool {
+        let (x, y) = (i64::from(point.x), i64::from(point.y));
+        self.min[0] <= x && x < self.max[0] && self.min[1] <= y && y < self.max[1]
+    }
+
+    /// Whether the two share a point.
+    pub fn intersects(&self, other: &Self) -> bool {
+        (0..2).all(|axis| self.min[axis] < other.max[axis] && other.min[axis] < self.max[axis])
+    }
+
+    /// Whether all of `other` lies inside.
+    pub fn covers(&self, other: &Self) -> bool {
+        (0..2).all(|axis| self.min[axis] <= other.min[axis] && other.max[axis] <= self.max[axis])
+    }
+
+    /// Grown by `margin` (stored units) on every side.
+    pub fn grown(&self, margin: i64) -> Self {
+        Self {
+            min: self.min.map(|c| c - margin),
+            max: self.max.map(|c| c + margin),
+        }
+    }
+
+    /// Distance from `point` to the border, in stored units, seen from above:
+    /// positive inside, negative outside (there measured along the worse
+    /// axis).
+    pub fn depth(&self, point: Stored) -> i64 {
+        let (x, y) = (i64::from(point.x), i64::from(point.y));
+        (x - self.min[0])
+            .min(self.max[0] - x)
+            .min(y - self.min[1])
+            .min(self.max[1] - y)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_point_on_a_shared_edge_has_one_home() {
+        let west = Rect {
+            min: [0, 0],
+            max: [10, 10],
+        };
+        let east = Rect {
+            min: [10, 0],
+            max: [20, 10],
+        };
+        let point = Stored { x: 10, y: 3, z: 0 };
+        assert!(!west.contains(point) && east.contains(point));
+        assert!(!west.intersects(&east));
+    }
+
+    #[test]
+    fn stored_points_survive_the_way_to_the_world_and_back() {
+        let lattice = Lattice {
+            scale: 0.001,
+            offset: [431_000.0, 5_400_000.0, 100.0],
+        };
+        for c in [i32::MIN, -1, 0, 1, 77_777, i32::MAX] {
+            let point = Stored {
+                x: c,
+                y: -(c / 2),
+                z: c / 3,
+            };
+            assert_eq!(lattice.quantise(lattice.world(point)), Some(point));
+            assert_eq!(lattice.stored(lattice.local(point)), Some(point));
+        }
+    }
+
+    #[test]
+    fn what_is_not_a_number_or_out_of_range_is_not_stored() {
+        let lattice = Lattice {
+            scale: 0.001,
+            offset: [0.0; 3],
+        };
+        for bad in [f64::NAN, f64::INFINITY, 1.0e9, -1.0e9] {
+            assert_eq!(lattice.quantise([0.0, bad, 0.0]), None);
+        }
+    }
+}

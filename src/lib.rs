@@ -1,0 +1,3 @@
+//! Turns laser scans larger than memory into evenly spaced points.
+
+pub mod geometry;
