@@ -1,3 +1,5 @@
 //! Turns laser scans larger than memory into evenly spaced points.
 
 pub mod geometry;
+pub mod lloyd;
+pub mod quality;

@@ -58,9 +58,6 @@ pub struct Cell {
     count: usize,
     /// Scratch for the next cut.
     cut: [Corner; MAX_CORNERS],
-    /// The neighbour whose bisector was looked at last: the cell depends on
-    /// no site farther away.
-    reach_squared: f64,
 }
 
 /// What a Lloyd step and the figures of uniformity need of a cell.
@@ -92,7 +89,6 @@ impl Cell {
             corners: [nowhere; MAX_CORNERS],
             count: 0,
             cut: [nowhere; MAX_CORNERS],
-            reach_squared: 0.0,
         }
     }
 
@@ -110,16 +106,14 @@ impl Cell {
                 edge: RIM,
             };
         }
-        self.reach_squared = 0.0;
-        let mut security = 4.0 * self.farthest_squared();
+        let mut security = self.security_squared();
         for neighbor in neighbors {
             if neighbor.distance_squared > security {
                 break;
             }
-            self.reach_squared = neighbor.distance_squared;
             // A coincident site has no bisector: the two share their cell.
             if neighbor.distance_squared > 0.0 && self.cut_by(patch, site, neighbor, &lift) {
-                security = 4.0 * self.farthest_squared();
+                security = self.security_squared();
             }
         }
     }
@@ -182,9 +176,35 @@ impl Cell {
             .fold(0.0, f64::max)
     }
 
-    /// Squared distance to the farthest site that was looked at.
-    pub fn reach_squared(&self) -> f64 {
-        self.reach_squared
+    /// Square of the security radius: no site farther away than this can cut
+    /// the cell as it is.
+    pub fn security_squared(&self) -> f64 {
+        4.0 * self.farthest_squared()
+    }
+
+    /// A place of the cell, on the patch: even over the cell for `dice` even
+    /// in [0, 1)²; `None` if nothing is left of the cell.
+    pub fn place(&self, patch: &Patch, site: Local, dice: [f64; 2]) -> Option<Local> {
+        let [u, v, w] = patch.coordinates(site);
+        let foot = Local::new(0.0, 0.0, patch.height(u, v) - w);
+        let triangle = |k: usize| {
+            let a = self.corners[k].position;
+            let b = self.corners[if k + 1 == self.count { 0 } else { k + 1 }].position;
+            (a, b, (a - foot).cross(&(b - foot)).norm())
+        };
+        let total: f64 = (0..self.count).map(|k| triangle(k).2).sum();
+        let mut rest = dice[0] * total;
+        for k in 0..self.count {
+            let (a, b, area) = triangle(k);
+            if rest < area {
+                // Evenly over the triangle: the root spreads along the fan.
+                let along = (rest / area).sqrt();
+                let x = foot + (a - foot) * along + (b - a) * (along * dice[1]);
+                return Some(patch.point(u + x.x, v + x.y));
+            }
+            rest -= area;
+        }
+        None
     }
 
     /// Whether neighbours bound the cell all around: no edge is the domain's.
@@ -325,7 +345,7 @@ mod tests {
         near.clip(&patch, site, 1.0, &sorted(site, &hexagonal(1)));
         far.clip(&patch, site, 1.0, &sorted(site, &hexagonal(6)));
         assert_eq!(near.moments(&patch, site), far.moments(&patch, site));
-        assert!(far.reach_squared() < 4.0);
+        assert!(far.security_squared() < 1.4);
     }
 
     #[test]
@@ -357,7 +377,7 @@ mod tests {
         let site = Local::new(0.1, -0.05, 0.0);
         let others: Vec<Local> = (0..40u64)
             .map(|i| {
-                let unit = |k| crate::geometry::neighbors::spread(k) as f64 / u64::MAX as f64 - 0.5;
+                let unit = |k| crate::geometry::spread(k) as f64 / u64::MAX as f64 - 0.5;
                 Local::new(unit(2 * i), unit(2 * i + 1), 0.0) * 4.0
             })
             .collect();

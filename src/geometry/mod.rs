@@ -3,11 +3,13 @@
 mod cell;
 mod coordinates;
 mod neighbors;
+mod occupied;
 mod patch;
 
 pub use cell::{Cell, Moments, Neighbor};
 pub use coordinates::{Lattice, Local, Rect, Stored};
-pub use neighbors::{CellIndex, NeighborGrid, cell_of};
+pub use neighbors::NeighborGrid;
+pub use occupied::{CellIndex, OccupiedCells, cell_of};
 pub use patch::{Patch, PatchKind};
 
-pub(crate) use neighbors::{pack, spread};
+pub(crate) use occupied::spread;

@@ -2,91 +2,40 @@
 //!
 //! A uniform grid serves better than a tree here: the query radius is tied to
 //! the spacing, and scans are full of coincident and coplanar points, which
-//! cost a k-d tree its balance. Only occupied cells are kept, in a hash table
-//! with open addressing.
+//! cost a k-d tree its balance.
 //!
 //! The cells belong to a lattice anchored at the local origin, and they are
 //! visited in a fixed order (z, then y, then x; within a cell in the order the
 //! points were given). So a sum over neighbours adds in an order that depends
 //! on the data alone, and gives the same bits in every tile that sees it.
 
-use super::Local;
-
-/// Where a cell lies: whole cells from the local origin.
-pub type CellIndex = [i32; 3];
-
-/// The cell of edge `edge` that holds `point`.
-pub fn cell_of(point: Local, edge: f64) -> CellIndex {
-    // `as` saturates: a coordinate beyond the range lands in the last cell.
-    [point.x, point.y, point.z].map(|c| (c / edge).floor() as i32)
-}
+use super::{CellIndex, Local, OccupiedCells, cell_of};
 
 /// Points by the cell of a cubic lattice.
 #[derive(Debug, Clone)]
 pub struct NeighborGrid {
     edge: f64,
-    base: CellIndex,
+    cells: OccupiedCells,
     /// Points, sorted by cell.
     points: Vec<Local>,
     /// For each entry of `points` its place in the input.
     order: Vec<u32>,
-    /// Packed cells, sorted, without repeats.
-    cells: Vec<u64>,
-    /// `points[starts[k]..starts[k + 1]]` lie in `cells[k]`.
-    starts: Vec<u32>,
-    /// Hash table of places in `cells`.
-    table: Vec<u32>,
 }
-
-const EMPTY: u32 = u32::MAX;
 
 impl NeighborGrid {
     /// Sorts `points` into cells of edge `edge` (CRS units).
     ///
     /// # Panics
     ///
-    /// Unless `edge` is positive, there are fewer than 2³² points, and the
-    /// points span less than 2²¹ cells on each axis (a tile does).
+    /// Unless `edge` is positive; and as [`OccupiedCells::sort`].
     pub fn new(points: &[Local], edge: f64) -> Self {
         assert!(edge > 0.0, "an edge of {edge}");
-        let count = u32::try_from(points.len()).expect("a tile has fewer than 2^32 points");
-        let indices: Vec<CellIndex> = points.iter().map(|&p| cell_of(p, edge)).collect();
-        let mut base = [i32::MAX; 3];
-        for index in &indices {
-            for axis in 0..3 {
-                base[axis] = base[axis].min(index[axis]);
-            }
-        }
-        let mut keyed: Vec<(u64, u32)> = indices
-            .iter()
-            .zip(0..count)
-            .map(|(&index, place)| {
-                (
-                    pack(index, base).expect("a tile spans less than 2^21 cells"),
-                    place,
-                )
-            })
-            .collect();
-        keyed.sort_unstable();
-
-        let mut cells: Vec<u64> = Vec::new();
-        let mut starts = Vec::new();
-        for (place, &(key, _)) in (0u32..).zip(&keyed) {
-            if cells.last() != Some(&key) {
-                cells.push(key);
-                starts.push(place);
-            }
-        }
-        starts.push(count);
-        let table = hash_table(&cells);
+        let (cells, order) = OccupiedCells::sort(points.iter().map(|&p| cell_of(p, edge)), |_| ());
         Self {
             edge,
-            base,
-            points: keyed.iter().map(|&(_, i)| points[i as usize]).collect(),
-            order: keyed.iter().map(|&(_, i)| i).collect(),
             cells,
-            starts,
-            table,
+            points: order.iter().map(|&i| points[i as usize]).collect(),
+            order,
         }
     }
 
@@ -105,7 +54,7 @@ impl NeighborGrid {
         for z in low[2]..=high[2] {
             for y in low[1]..=high[1] {
                 for x in low[0]..=high[0] {
-                    let range = self.range([x, y, z]);
+                    let range = self.cells.range([x, y, z]);
                     for place in range {
                         visit(self.order[place], self.points[place]);
                     }
@@ -118,7 +67,7 @@ impl NeighborGrid {
     pub fn any_within(&self, center: Local, radius: f64) -> bool {
         let radius_squared = radius * radius;
         let hits = |index: CellIndex| {
-            self.points[self.range(index)]
+            self.points[self.cells.range(index)]
                 .iter()
                 .any(|p| (p - center).norm_squared() <= radius_squared)
         };
@@ -171,67 +120,12 @@ impl NeighborGrid {
             }
         }
     }
-
-    fn range(&self, index: CellIndex) -> std::ops::Range<usize> {
-        let Some(key) = pack(index, self.base) else {
-            return 0..0;
-        };
-        let mask = self.table.len() - 1;
-        let mut slot = spread(key) as usize & mask;
-        loop {
-            match self.table[slot] {
-                EMPTY => return 0..0,
-                place if self.cells[place as usize] == key => {
-                    let place = place as usize;
-                    return self.starts[place] as usize..self.starts[place + 1] as usize;
-                }
-                _ => slot = (slot + 1) & mask,
-            }
-        }
-    }
-}
-
-/// Twice as many slots as cells keep the probes short.
-fn hash_table(cells: &[u64]) -> Vec<u32> {
-    let mut table = vec![EMPTY; (2 * cells.len()).next_power_of_two().max(2)];
-    let mask = table.len() - 1;
-    for (place, &key) in (0u32..).zip(cells) {
-        let mut slot = spread(key) as usize & mask;
-        while table[slot] != EMPTY {
-            slot = (slot + 1) & mask;
-        }
-        table[slot] = place;
-    }
-    table
-}
-
-/// Three cell indices in one integer that sorts by z, y, x; `None` if the cell
-/// is out of range of `base`.
-pub(crate) fn pack(index: CellIndex, base: CellIndex) -> Option<u64> {
-    let mut key = 0u64;
-    for axis in [2, 1, 0] {
-        let from_base = i64::from(index[axis]) - i64::from(base[axis]);
-        if !(0..1 << 21).contains(&from_base) {
-            return None;
-        }
-        key = key << 21 | from_base as u64;
-    }
-    Some(key)
-}
-
-/// A hash of `key` whose every bit depends on every bit of it (the finaliser
-/// of SplitMix64; Steele, Lea and Flood, *Fast splittable pseudorandom number
-/// generators*, 2014).
-pub(crate) fn spread(key: u64) -> u64 {
-    let mut z = key.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::spread;
 
     fn cloud(n: u64, extent: f64) -> Vec<Local> {
         let unit = |k: u64| spread(k) as f64 / u64::MAX as f64 - 0.5;

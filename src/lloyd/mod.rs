@@ -1,0 +1,33 @@
+//! The solver: from a scan to evenly spaced sites on its surfaces.
+//!
+//! Accelerated Lloyd's Method for Resampling 3D Point Clouds, Algorithm 1:
+//!
+//! ```text
+//!   scan ──► seeds ──► ┌ patch at each site           geometry::Patch  III-B
+//!                      │ restricted Voronoi cell      geometry::Cell   III-C
+//!                      │ centroid                     step             IV-B
+//!                      │ acceleration, checked        acceleration     IV-C
+//!                      │ projection to the patch      step             IV-D
+//!                      └ boundary restriction ◄─┐     restriction      IV-E
+//!                           K times ────────────┘
+//! ```
+//!
+//! Nothing here knows tiles but for one thing: which sites can still matter to
+//! the core that is asked for. Every rule looks at a neighbourhood only, in an
+//! order given by the data, so two tiles compute the same bits wherever both
+//! see enough.
+
+mod acceleration;
+mod anderson;
+mod relaxation;
+mod restriction;
+mod scan;
+mod seeds;
+mod solver;
+mod step;
+
+pub use acceleration::Acceleration;
+pub use restriction::Restriction;
+pub use scan::Scan;
+pub use seeds::{AREA_PER_SEED, ELECTION_RADIUS, SeedRule, Seeds, elect};
+pub use solver::{DistanceSums, Domain, FIT_RADIUS, Options, Site, Solution, solve};

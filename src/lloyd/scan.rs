@@ -1,0 +1,267 @@
+//! The input of one solve: the points of a tile, and their even thinning.
+//!
+//! Scans are dense near the scanner and sparse far away. Two views serve the
+//! solver, both on a cubic lattice of voxels anchored at the run's origin:
+//!
+//! * the *points*, sorted by voxel, for what must hold of the scan itself
+//!   (where seeds come from, how near the scan is);
+//! * one *sample* a voxel, the mean of its points, for the patches: a bounded
+//!   number in any neighbourhood, evenly spread, with the noise averaged.
+//!
+//! Sums are of integers, so they do not depend on the order of the points.
+
+use rayon::prelude::*;
+
+use crate::geometry::{Lattice, Local, NeighborGrid, OccupiedCells, Stored, cell_of, spread};
+
+/// Voxels to a spacing. Three give some forty samples to a patch of radius
+/// 1.2 spacings; more cost time and moved no figure.
+const VOXELS_PER_SPACING: f64 = 3.0;
+
+/// The points of a tile, with their samples.
+#[derive(Debug)]
+pub struct Scan {
+    lattice: Lattice,
+    voxel: f64,
+    points: Vec<Stored>,
+    voxels: OccupiedCells,
+    samples: NeighborGrid,
+    /// Points in the voxel of each sample, in the order of the voxels.
+    counts: Vec<u32>,
+}
+
+impl Scan {
+    /// Sorts `points` by voxel and takes the samples, for a target `spacing`
+    /// and patches of radius `fit_radius` (both in CRS units).
+    ///
+    /// Within a voxel points are sorted by priority: a hash of their
+    /// coordinates and `seed`.
+    ///
+    /// # Panics
+    ///
+    /// Unless both lengths are positive; and as [`OccupiedCells::sort`].
+    pub fn new(
+        mut points: Vec<Stored>,
+        lattice: Lattice,
+        spacing: f64,
+        fit_radius: f64,
+        seed: u64,
+    ) -> Self {
+        assert!(
+            spacing > 0.0 && fit_radius > 0.0,
+            "a spacing of {spacing}, a fit radius of {fit_radius}"
+        );
+        // In whole stored units at least: a voxel finer than the lattice
+        // would hold one point for ever.
+        let voxel = (spacing / VOXELS_PER_SPACING).max(lattice.scale);
+        let (voxels, order) = OccupiedCells::sort(
+            points.iter().map(|&p| cell_of(lattice.local(p), voxel)),
+            |i| {
+                let point = points[i as usize];
+                (priority(point, seed), point)
+            },
+        );
+        points = order.iter().map(|&i| points[i as usize]).collect();
+        drop(order);
+
+        let mut counts = Vec::with_capacity(voxels.len());
+        let mut means = Vec::with_capacity(voxels.len());
+        for range in voxels.ranges() {
+            let held = &points[range];
+            let mut sum = [0_i64; 3];
+            for p in held {
+                sum[0] += i64::from(p.x);
+                sum[1] += i64::from(p.y);
+                sum[2] += i64::from(p.z);
+            }
+            let weight = lattice.scale / held.len() as f64;
+            means.push(Local::from(sum.map(|s| s as f64 * weight)));
+            counts.push(u32::try_from(held.len()).expect("a tile has under 2^32 points"));
+        }
+        Self {
+            lattice,
+            voxel,
+            points,
+            voxels,
+            samples: NeighborGrid::new(&means, fit_radius),
+            counts,
+        }
+    }
+
+    /// The points, sorted by voxel.
+    pub fn points(&self) -> &[Stored] {
+        &self.points
+    }
+
+    /// The lattice of the run.
+    pub fn lattice(&self) -> &Lattice {
+        &self.lattice
+    }
+
+    /// Edge of a voxel (CRS units).
+    pub fn voxel(&self) -> f64 {
+        self.voxel
+    }
+
+    /// The points of every occupied voxel, the one of highest priority first.
+    pub fn voxels(&self) -> impl ExactSizeIterator<Item = &[Stored]> + '_ {
+        self.voxels.ranges().map(|range| &self.points[range])
+    }
+
+    /// The samples, to be visited around a place.
+    pub fn samples(&self) -> &NeighborGrid {
+        &self.samples
+    }
+
+    /// How many points sample `index` stands for.
+    pub fn count(&self, index: u32) -> u32 {
+        self.counts[index as usize]
+    }
+
+    /// Whether a point of the scan lies within `radius` (CRS units) of
+    /// `place`.
+    pub fn has_point_within(&self, place: Local, radius: f64) -> bool {
+        self.nearest_where(place, radius, true).is_some()
+    }
+
+    /// The point of the scan nearest to `place` within `radius` (CRS units)
+    /// and its distance; of equally near ones the smallest.
+    pub fn nearest(&self, place: Local, radius: f64) -> Option<(Stored, f64)> {
+        let mut reach = self.voxel.min(radius);
+        loop {
+            match self.nearest_where(place, reach, false) {
+                Some((point, squared)) => return Some((point, squared.sqrt())),
+                None if reach >= radius => return None,
+                None => reach = (2.0 * reach).min(radius),
+            }
+        }
+    }
+
+    fn nearest_where(&self, place: Local, radius: f64, any: bool) -> Option<(Stored, f64)> {
+        let reach = Local::repeat(radius);
+        let low = cell_of(place - reach, self.voxel);
+        let high = cell_of(place + reach, self.voxel);
+        let mut best: Option<(Stored, f64)> = None;
+        let mut limit = radius * radius;
+        for z in low[2]..=high[2] {
+            for y in low[1]..=high[1] {
+                for x in low[0]..=high[0] {
+                    for &point in &self.points[self.voxels.range([x, y, z])] {
+                        let squared = (self.lattice.local(point) - place).norm_squared();
+                        if squared < limit
+                            || squared == limit && best.is_none_or(|(b, _)| point < b)
+                        {
+                            best = Some((point, squared));
+                            limit = squared;
+                            if any {
+                                return best;
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        best
+    }
+
+    /// For every occupied voxel its point of highest priority, if `chosen`
+    /// says so of it: an even, unbiased choice of places of the scan.
+    pub fn representatives(&self) -> impl ExactSizeIterator<Item = Stored> + '_ {
+        self.voxels().map(|held| held[0])
+    }
+
+    /// Bytes of memory at the peak of [`Scan::new`] for each point, with
+    /// `points_per_voxel` points in the mean voxel at the least.
+    pub const PEAK_BYTES_PER_POINT: usize = 12 + 12 + 16 + 4;
+
+    /// Bytes held for each occupied voxel.
+    pub const BYTES_PER_VOXEL: usize = 2 * OccupiedCells::BYTES_PER_CELL + 24 + 4 + 4 + 24;
+
+    /// Applies `rule` to every voxel, in parallel; results come in the order
+    /// of the voxels.
+    pub(super) fn map_voxels<T: Send>(
+        &self,
+        rule: impl Fn(&[Stored]) -> Option<T> + Sync + Send,
+    ) -> Vec<T> {
+        let ranges: Vec<_> = self.voxels.ranges().collect();
+        ranges
+            .into_par_iter()
+            .filter_map(|range| rule(&self.points[range]))
+            .collect()
+    }
+}
+
+/// The priority of a point in every election: a hash of what it is, not of
+/// where in which file it stood.
+pub(super) fn priority(point: Stored, seed: u64) -> u64 {
+    let [x, y, z] = [point.x, point.y, point.z].map(|c| u64::from(c as u32));
+    spread(spread(x << 32 | y) ^ spread(z ^ spread(seed)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scan(points: Vec<Stored>) -> Scan {
+        let lattice = Lattice {
+            scale: 0.001,
+            offset: [0.0; 3],
+        };
+        Scan::new(points, lattice, 0.3, 0.36, 1)
+    }
+
+    fn cloud(n: u64) -> Vec<Stored> {
+        let coordinate = |k: u64| (spread(k) % 2000) as i32 - 1000;
+        (0..n)
+            .map(|i| Stored {
+                x: coordinate(3 * i),
+                y: coordinate(3 * i + 1),
+                z: coordinate(3 * i + 2) / 10,
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_nearest_point_matches_brute_force() {
+        let points = cloud(3000);
+        let scan = scan(points.clone());
+        for place in cloud(300) {
+            let place = scan.lattice().local(place) * 1.1;
+            let truth = points
+                .iter()
+                .map(|&p| ((scan.lattice().local(p) - place).norm(), p))
+                .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
+                .unwrap();
+            let (point, distance) = scan.nearest(place, 100.0).unwrap();
+            assert!((distance - truth.0).abs() < 1e-12);
+            assert_eq!(point, truth.1);
+            assert_eq!(scan.has_point_within(place, 0.05), truth.0 <= 0.05);
+        }
+    }
+
+    #[test]
+    fn the_order_of_the_points_does_not_matter() {
+        let points = cloud(2000);
+        let mut turned = points.clone();
+        turned.reverse();
+        let (one, other) = (scan(points), scan(turned));
+        assert_eq!(one.points(), other.points());
+        assert_eq!(one.samples().points(), other.samples().points());
+    }
+
+    #[test]
+    fn samples_stand_for_every_point_once() {
+        let scan = scan(cloud(5000));
+        let total: u32 = (0..scan.samples().points().len() as u32)
+            .map(|i| scan.count(i))
+            .sum();
+        assert_eq!(total as usize, scan.points().len());
+    }
+
+    #[test]
+    fn a_million_equal_points_are_one_sample() {
+        let scan = scan(vec![Stored { x: 5, y: 6, z: 7 }; 1_000_000]);
+        assert_eq!(scan.samples().points().len(), 1);
+        assert_eq!(scan.representatives().len(), 1);
+    }
+}

@@ -1,0 +1,131 @@
+//! Distances from one cloud to another: accuracy (output to input) and
+//! coverage (input to output).
+
+use serde::{Deserialize, Serialize};
+
+/// Bins to a spacing, and spacings covered; what lies beyond is counted in the
+/// last bin, its mean and maximum remain exact.
+const BINS_PER_SPACING: f64 = 256.0;
+const SPACINGS: f64 = 8.0;
+
+/// A tally of distances, in bounded memory.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DistanceTally {
+    spacing: f64,
+    bins: Vec<u64>,
+    count: u64,
+    sum: f64,
+    max: f64,
+    beyond: u64,
+}
+
+/// What a [`DistanceTally`] says. Lengths are CRS units; NaN of nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DistanceFigures {
+    /// Number of distances.
+    pub count: u64,
+    /// Their mean.
+    pub mean: f64,
+    /// 99 % are no larger, to 1/256 of a spacing.
+    pub p99: f64,
+    /// The largest.
+    pub max: f64,
+    /// Share beyond 1.5 spacings.
+    pub share_beyond: f64,
+}
+
+impl DistanceTally {
+    /// An empty tally, for an output at `spacing` (CRS units).
+    pub fn new(spacing: f64) -> Self {
+        Self {
+            spacing,
+            bins: vec![0; (BINS_PER_SPACING * SPACINGS) as usize + 1],
+            count: 0,
+            sum: 0.0,
+            max: 0.0,
+            beyond: 0,
+        }
+    }
+
+    /// Adds one distance (CRS units).
+    pub fn push(&mut self, distance: f64) {
+        // `as` saturates, and takes what is not a number for zero.
+        let bin = (distance / self.spacing * BINS_PER_SPACING) as usize;
+        let last = self.bins.len() - 1;
+        self.bins[bin.min(last)] += 1;
+        self.count += 1;
+        self.sum += distance;
+        self.max = self.max.max(distance);
+        self.beyond += u64::from(distance > 1.5 * self.spacing);
+    }
+
+    /// Adds the distances of another part.
+    pub fn add(&mut self, other: &Self) {
+        for (bin, more) in self.bins.iter_mut().zip(&other.bins) {
+            *bin += more;
+        }
+        self.count += other.count;
+        self.sum += other.sum;
+        self.max = self.max.max(other.max);
+        self.beyond += other.beyond;
+    }
+
+    /// The figures of all distances so far.
+    pub fn figures(&self) -> DistanceFigures {
+        let count = self.count as f64;
+        let rank = (0.99 * count).ceil() as u64;
+        let mut seen = 0;
+        let p99 = self
+            .bins
+            .iter()
+            .position(|bin| {
+                seen += bin;
+                seen >= rank
+            })
+            .filter(|_| self.count > 0)
+            .map_or(f64::NAN, |bin| {
+                ((bin as f64 + 1.0) / BINS_PER_SPACING * self.spacing).min(self.max)
+            });
+        DistanceFigures {
+            count: self.count,
+            mean: self.sum / count,
+            p99,
+            max: if self.count > 0 { self.max } else { f64::NAN },
+            share_beyond: self.beyond as f64 / count,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_figures_of_a_ramp_are_known() {
+        let mut tally = DistanceTally::new(1.0);
+        for i in 1..=1000 {
+            tally.push(f64::from(i) * 0.002);
+        }
+        let figures = tally.figures();
+        assert!((figures.mean - 1.001).abs() < 1e-9);
+        assert!((figures.p99 - 1.98).abs() < 0.005);
+        assert_eq!(figures.max, 2.0);
+        assert_eq!(figures.share_beyond, 0.25);
+    }
+
+    #[test]
+    fn parts_add_up_to_the_whole() {
+        let (mut whole, mut part, mut other) = (
+            DistanceTally::new(0.5),
+            DistanceTally::new(0.5),
+            DistanceTally::new(0.5),
+        );
+        for i in 0..512 {
+            let distance = f64::from(i) / 64.0;
+            whole.push(distance);
+            if i % 3 == 0 { &mut part } else { &mut other }.push(distance);
+        }
+        part.add(&other);
+        assert_eq!(part, whole);
+    }
+}

@@ -1,0 +1,10 @@
+//! How good a cloud is: figures of uniformity, faithfulness and coverage.
+//!
+//! Tallies take one site at a time and hold a fixed number of bins, whatever
+//! the size of the cloud; they can be added, part by part.
+
+mod distances;
+mod uniformity;
+
+pub use distances::{DistanceFigures, DistanceTally};
+pub use uniformity::{CellFigures, Uniformity, UniformityTally};

@@ -1,0 +1,291 @@
+//! How evenly sites are spread.
+//!
+//! δ, σ and ε are those of Accelerated Lloyd's Method for Resampling 3D Point
+//! Clouds, sections IV-B and V-B. δ alone can be gamed (a voxel grid has
+//! δ = 0), so three figures of the cells stand beside it:
+//!
+//! * *energy ratio*: mean squared distance from the surface to its nearest
+//!   site, times n / A, over 5√3/54 = 0.160375, the hexagonal tessellation's:
+//!   1 is ideal and nothing is below it;
+//! * *cell-area CV*: standard deviation over mean of the areas of the cells;
+//! * *packing*: mean nearest distance over that of the hexagonal lattice with
+//!   as many sites to the area, sqrt(2 A / (√3 n)).
+//!
+//! They are taken over the *closed* cells, which neighbours bound all around:
+//! at a border of the scan a cell's area is that of its domain, and says
+//! nothing.
+
+use serde::{Deserialize, Serialize};
+
+/// Energy of the regular hexagon over the square of its area: 5√3/54.
+const HEXAGON_ENERGY: f64 = 0.160_375_074_774_896_5;
+
+const BINS_PER_SPACING: f64 = 1024.0;
+const SPACINGS: f64 = 4.0;
+
+/// The figures of one site's cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CellFigures {
+    /// Area (CRS units squared).
+    pub area: f64,
+    /// ∫ |x − site|² over the cell.
+    pub energy: f64,
+    /// Number of neighbouring cells.
+    pub neighbors: u8,
+}
+
+/// A tally of sites, in bounded memory.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct UniformityTally {
+    spacing: f64,
+    /// Number and sum of the nearest distances, by distance.
+    bins: Vec<(u32, f64)>,
+    count: u64,
+    sum: f64,
+    squares: f64,
+    min: f64,
+    cells: u64,
+    area: f64,
+    area_squares: f64,
+    energy: f64,
+    with_six: u64,
+}
+
+/// What a [`UniformityTally`] says. Lengths are CRS units; NaN of nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Uniformity {
+    /// Sites with a nearest neighbour.
+    pub count: u64,
+    /// Paper, equation (6).
+    pub delta: f64,
+    /// δ without the one distance in a hundred that is largest.
+    pub delta_trimmed: f64,
+    /// Mean absolute deviation of the nearest distances.
+    pub sigma: f64,
+    /// σ over the mean distance.
+    pub sigma_over_mean: f64,
+    /// Cosine between the distances and a constant.
+    pub epsilon: f64,
+    /// Mean nearest distance.
+    pub mean: f64,
+    /// Smallest nearest distance over the mean.
+    pub min: f64,
+    /// One in a hundred is smaller, over the mean.
+    pub p1: f64,
+    /// Median over the mean.
+    pub p50: f64,
+    /// One in a hundred is larger, over the mean.
+    pub p99: f64,
+    /// Closed cells.
+    pub cells: u64,
+    /// Energy over the hexagonal tessellation's.
+    pub energy_ratio: f64,
+    /// Standard deviation over mean of the cells' areas.
+    pub cell_area_cv: f64,
+    /// Mean nearest distance over the hexagonal lattice's.
+    pub packing: f64,
+    /// Share of closed cells with six neighbours.
+    pub six_neighbors: f64,
+}
+
+impl UniformityTally {
+    /// An empty tally, for sites about `spacing` apart (CRS units).
+    pub fn new(spacing: f64) -> Self {
+        Self {
+            spacing,
+            bins: vec![(0, 0.0); (BINS_PER_SPACING * SPACINGS) as usize + 1],
+            count: 0,
+            sum: 0.0,
+            squares: 0.0,
+            min: f64::INFINITY,
+            cells: 0,
+            area: 0.0,
+            area_squares: 0.0,
+            energy: 0.0,
+            with_six: 0,
+        }
+    }
+
+    /// Adds a site's distance to its nearest neighbour (CRS units).
+    pub fn push_distance(&mut self, distance: f64) {
+        let last = self.bins.len() - 1;
+        let bin = (distance / self.spacing * BINS_PER_SPACING) as usize;
+        let bin = &mut self.bins[bin.min(last)];
+        bin.0 += 1;
+        bin.1 += distance;
+        self.count += 1;
+        self.sum += distance;
+        self.squares += distance * distance;
+        self.min = self.min.min(distance);
+    }
+
+    /// Adds a site's closed cell.
+    pub fn push_cell(&mut self, cell: CellFigures) {
+        self.cells += 1;
+        self.area += cell.area;
+        self.area_squares += cell.area * cell.area;
+        self.energy += cell.energy;
+        self.with_six += u64::from(cell.neighbors == 6);
+    }
+
+    /// Adds the sites of another part.
+    pub fn add(&mut self, other: &Self) {
+        for (bin, more) in self.bins.iter_mut().zip(&other.bins) {
+            bin.0 += more.0;
+            bin.1 += more.1;
+        }
+        self.count += other.count;
+        self.sum += other.sum;
+        self.squares += other.squares;
+        self.min = self.min.min(other.min);
+        self.cells += other.cells;
+        self.area += other.area;
+        self.area_squares += other.area_squares;
+        self.energy += other.energy;
+        self.with_six += other.with_six;
+    }
+
+    /// The nearest distances in `bins` equal parts of 0 … `spacings` spacings.
+    pub fn histogram(&self, bins: usize, spacings: f64) -> Vec<u64> {
+        let mut counts = vec![0; bins];
+        for (k, &(count, _)) in self.bins.iter().enumerate() {
+            let place = (k as f64 + 0.5) / BINS_PER_SPACING / spacings;
+            if let Some(bin) = counts.get_mut((place * bins as f64) as usize) {
+                *bin += u64::from(count);
+            }
+        }
+        counts
+    }
+
+    /// The figures of all sites so far.
+    pub fn figures(&self) -> Uniformity {
+        let n = self.count as f64;
+        let mean = self.sum / n;
+        let cells = self.cells as f64;
+        let cell_area = self.area / cells;
+        let sigma = self
+            .bins
+            .iter()
+            .filter(|bin| bin.0 > 0)
+            .map(|&(count, sum)| (sum - f64::from(count) * mean).abs())
+            .sum::<f64>()
+            / n;
+        Uniformity {
+            count: self.count,
+            delta: (n * self.squares / (self.sum * self.sum) - 1.0)
+                .max(0.0)
+                .sqrt(),
+            delta_trimmed: self.delta_trimmed(),
+            sigma,
+            sigma_over_mean: sigma / mean,
+            epsilon: self.sum / (n * self.squares).sqrt(),
+            mean,
+            min: self.min / mean,
+            p1: self.quantile(0.01) / mean,
+            p50: self.quantile(0.5) / mean,
+            p99: self.quantile(0.99) / mean,
+            cells: self.cells,
+            energy_ratio: self.energy / self.area / cell_area / HEXAGON_ENERGY,
+            cell_area_cv: (self.area_squares / cells / (cell_area * cell_area) - 1.0)
+                .max(0.0)
+                .sqrt(),
+            packing: mean / (2.0 * cell_area / 3.0_f64.sqrt()).sqrt(),
+            six_neighbors: self.with_six as f64 / cells,
+        }
+    }
+
+    /// The mean distance of the bin in which `share` of the sites is reached.
+    fn quantile(&self, share: f64) -> f64 {
+        let rank = (share * self.count as f64).ceil() as u64;
+        let mut seen = 0;
+        self.bins
+            .iter()
+            .find(|bin| {
+                seen += u64::from(bin.0);
+                bin.0 > 0 && seen >= rank
+            })
+            .map_or(f64::NAN, |&(count, sum)| sum / f64::from(count))
+    }
+
+    fn delta_trimmed(&self) -> f64 {
+        let mut rest = self.count - self.count / 100;
+        let kept = rest as f64;
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for &(count, total) in self.bins.iter().filter(|bin| bin.0 > 0) {
+            let taken = rest.min(count.into());
+            let mean = total / f64::from(count);
+            sum += mean * taken as f64;
+            squares += mean * mean * taken as f64;
+            rest -= taken;
+        }
+        (kept * squares / (sum * sum) - 1.0).max(0.0).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hexagonal_lattice_is_ideal() {
+        let mut tally = UniformityTally::new(1.0);
+        let area = 0.75_f64.sqrt();
+        for _ in 0..1000 {
+            tally.push_distance(1.0);
+            tally.push_cell(CellFigures {
+                area,
+                energy: HEXAGON_ENERGY * area * area,
+                neighbors: 6,
+            });
+        }
+        let figures = tally.figures();
+        assert!(figures.delta < 1e-7 && figures.sigma < 1e-12);
+        assert!((figures.energy_ratio - 1.0).abs() < 1e-9);
+        assert!((figures.packing - 1.0).abs() < 1e-9);
+        assert!(figures.cell_area_cv < 1e-6);
+        assert_eq!(figures.six_neighbors, 1.0);
+        assert!((figures.epsilon - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_figures_match_their_definitions() {
+        let distances: Vec<f64> = (0..5000)
+            .map(|i| 0.5 + 0.3 * f64::from(i * 7919 % 5000) / 5000.0)
+            .collect();
+        let mut tally = UniformityTally::new(1.0);
+        for &d in &distances {
+            tally.push_distance(d);
+        }
+        let n = distances.len() as f64;
+        let mean = distances.iter().sum::<f64>() / n;
+        let delta = (distances
+            .iter()
+            .map(|d| (d / mean - 1.0).powi(2))
+            .sum::<f64>()
+            / n)
+            .sqrt();
+        let sigma = distances.iter().map(|d| (d - mean).abs()).sum::<f64>() / n;
+        let figures = tally.figures();
+        assert!((figures.delta - delta).abs() < 1e-9);
+        assert!((figures.sigma - sigma).abs() < 1e-6);
+        assert!((figures.p50 * mean - 0.65).abs() < 1e-3);
+        assert!((figures.epsilon.powi(-2) - 1.0 - delta * delta).abs() < 1e-9);
+        assert!(figures.delta_trimmed < figures.delta);
+    }
+
+    #[test]
+    fn parts_add_up_to_the_whole() {
+        let distance = |i: i32| 0.25 * f64::from(i % 9 + 1);
+        let (mut whole, mut part, mut other) = (
+            UniformityTally::new(1.0),
+            UniformityTally::new(1.0),
+            UniformityTally::new(1.0),
+        );
+        for i in 0..900 {
+            whole.push_distance(distance(i));
+            if i % 2 == 0 { &mut part } else { &mut other }.push_distance(distance(i));
+        }
+        part.add(&other);
+        assert_eq!(part, whole);
+    }
+}
