@@ -1,5 +1,8 @@
 //! Turns laser scans larger than memory into evenly spaced points.
 
+pub mod config;
 pub mod geometry;
+pub mod las;
 pub mod lloyd;
 pub mod quality;
+pub mod tile;

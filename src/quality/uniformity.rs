@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 /// Energy of the regular hexagon over the square of its area: 5√3/54.
 const HEXAGON_ENERGY: f64 = 0.160_375_074_774_896_5;
 
-const BINS_PER_SPACING: f64 = 1024.0;
+const BINS_PER_SPACING: f64 = 256.0;
 const SPACINGS: f64 = 4.0;
 
 /// The figures of one site's cell.
@@ -267,7 +267,8 @@ mod tests {
         let sigma = distances.iter().map(|d| (d - mean).abs()).sum::<f64>() / n;
         let figures = tally.figures();
         assert!((figures.delta - delta).abs() < 1e-9);
-        assert!((figures.sigma - sigma).abs() < 1e-6);
+        // Only the bin that holds the mean is not exact.
+        assert!((figures.sigma - sigma).abs() < 1e-4);
         assert!((figures.p50 * mean - 0.65).abs() < 1e-3);
         assert!((figures.epsilon.powi(-2) - 1.0 - delta * delta).abs() < 1e-9);
         assert!(figures.delta_trimmed < figures.delta);

@@ -1,0 +1,39 @@
+//! The only place that knows LAS, LAZ and PLY.
+//!
+//! Inputs of any version (1.0 to 1.4) and format (0 to 10) become records of
+//! the run's one format (6, 7 or 8, with the union of the extra bytes) on the
+//! run's one lattice, the moment they are decoded; from there on a record is
+//! copied whole, so that no attribute can be lost on the way.
+
+mod crs;
+mod inputs;
+mod reading;
+mod record;
+mod writing;
+
+pub use crs::Crs;
+pub use inputs::expand_inputs;
+pub use reading::{InputFile, PointStream};
+pub use record::{ExtraByte, RecordFormat};
+pub use writing::{CloudHeader, CloudWriter, Format};
+
+use std::path::Path;
+
+/// What goes wrong with scans. Every message begins with the file.
+#[derive(Debug, thiserror::Error)]
+#[error("{path}: {problem}")]
+pub struct LasError {
+    /// The file.
+    pub path: String,
+    /// What is wrong, with the numbers, and what to do.
+    pub problem: String,
+}
+
+impl LasError {
+    pub(crate) fn new(path: &Path, problem: impl Into<String>) -> Self {
+        Self {
+            path: path.display().to_string(),
+            problem: problem.into(),
+        }
+    }
+}

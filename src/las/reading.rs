@@ -1,0 +1,410 @@
+//! From files to the run's records.
+//!
+//! A header is a claim. Its counts and lengths are checked against the length
+//! of the file before anything is allocated by them, its bounds are never
+//! relied on.
+
+use std::{
+    fs::File,
+    io::{BufReader, Read, Seek, SeekFrom},
+    panic::{AssertUnwindSafe, catch_unwind},
+    path::{Path, PathBuf},
+};
+
+use ::las::{
+    LazParallelism, PointData, PointDataBuilder, Reader, ReaderOptions, Vlr, point::Format, raw,
+};
+
+use super::{
+    Crs, ExtraByte, LasError, RecordFormat,
+    record::{Converter, DESCRIPTOR_BYTES},
+};
+use crate::geometry::Lattice;
+
+/// Points decoded at a time.
+const BATCH: u64 = 65_536;
+/// Length of a public header block of LAS 1.0 to 1.2; later ones are longer.
+const SHORTEST_HEADER: u64 = 227;
+/// Length of the header of a variable length record, and of an extended one.
+const VLR_HEADER: u64 = 54;
+const EVLR_HEADER: u64 = 60;
+/// Longest extended record that is read: a CRS is a few thousand bytes.
+const LONGEST_EVLR: u64 = 16 << 20;
+
+/// What the headers of a file say.
+#[derive(Clone, Debug)]
+pub struct InputFile {
+    /// Where it is.
+    pub path: PathBuf,
+    /// Its length in bytes.
+    pub bytes: u64,
+    /// LAS version: major and minor.
+    pub version: [u8; 2],
+    /// Points it claims to hold.
+    pub points_claimed: u64,
+    /// Bounds it claims, in world coordinates: min, max.
+    pub bounds_claimed: [[f64; 3]; 2],
+    /// Scale of its coordinates.
+    pub scale: [f64; 3],
+    /// Offset of its coordinates.
+    pub offset: [f64; 3],
+    /// Its coordinate reference system, if it states one.
+    pub crs: Option<Crs>,
+    /// Its extra bytes, in order.
+    pub extra_bytes: Vec<ExtraByte>,
+    /// Whether GPS times are adjusted standard times, not seconds of the week.
+    pub has_standard_time: bool,
+    /// The program that wrote it.
+    pub generating_software: String,
+    /// What is odd about it.
+    pub notes: Vec<String>,
+    format: Format,
+}
+
+impl InputFile {
+    /// Reads the headers of the file at `path`.
+    ///
+    /// # Errors
+    ///
+    /// If there is no such file, it cannot be read, is no LAS or LAZ file of
+    /// version 1.0 to 1.4, or says what cannot be.
+    pub fn survey(path: &Path) -> Result<Self, LasError> {
+        let wrong = |problem: String| LasError::new(path, problem);
+        let metadata =
+            std::fs::metadata(path).map_err(|e| wrong(format!("cannot be read: {e}")))?;
+        if !metadata.is_file() {
+            return Err(wrong("is not a regular file".into()));
+        }
+        let bytes = metadata.len();
+        let header = read_header(path, bytes)?;
+        let format = Format::new(header.point_data_record_format)
+            .map_err(|e| wrong(format!("unknown point format: {e}")))?;
+        let scale = [
+            header.x_scale_factor,
+            header.y_scale_factor,
+            header.z_scale_factor,
+        ];
+        let offset = [header.x_offset, header.y_offset, header.z_offset];
+        if !scale.iter().all(|s| s.is_finite() && *s > 0.0) || !offset.iter().all(|o| o.is_finite())
+        {
+            return Err(wrong(format!(
+                "a scale of {scale:?} with an offset of {offset:?} places no point; \
+                 the header is damaged"
+            )));
+        }
+
+        let mut input = Self {
+            path: path.to_owned(),
+            bytes,
+            version: [header.version.major, header.version.minor],
+            points_claimed: 0,
+            bounds_claimed: [
+                [header.min_x, header.min_y, header.min_z],
+                [header.max_x, header.max_y, header.max_z],
+            ],
+            scale,
+            offset,
+            crs: None,
+            extra_bytes: Vec::new(),
+            has_standard_time: header.global_encoding & 1 == 1,
+            generating_software: lossy(&header.generating_software),
+            notes: Vec::new(),
+            format,
+        };
+        let reader = input.open()?;
+        let las = reader.header();
+        input.format = *las.point_format();
+        input.points_claimed = las.number_of_points();
+        let rest = rest_of_evlrs(path, &header).unwrap_or_else(|| {
+            input
+                .notes
+                .push("some extended variable length records cannot be read".into());
+            Vec::new()
+        });
+        let vlrs: Vec<&Vlr> = las.all_vlrs().chain(&rest).collect();
+        input.crs = Crs::from_vlrs(vlrs.iter().copied());
+        input.extra_bytes = extra_bytes(&vlrs, input.format.extra_bytes.into(), &mut input.notes);
+        if !input.format.is_compressed {
+            let record = u64::from(input.format.len());
+            let held = bytes.saturating_sub(header.offset_to_point_data.into()) / record;
+            if held < input.points_claimed {
+                return Err(wrong(format!(
+                    "is truncated: the header says {} points, the file has room for {held}",
+                    input.points_claimed
+                )));
+            }
+        }
+        if input.points_claimed == 0 {
+            input.notes.push("holds no point".into());
+        }
+        if input.format.has_waveform {
+            input.notes.push("wave packets are not carried over".into());
+        }
+        Ok(input)
+    }
+
+    /// The format of its points.
+    pub fn format(&self) -> Format {
+        self.format
+    }
+
+    /// Number of the format, as in the specification.
+    pub fn format_number(&self) -> u8 {
+        let mut plain = self.format;
+        plain.is_compressed = false;
+        plain.to_u8().unwrap_or(u8::MAX)
+    }
+
+    /// Whether it is LAZ.
+    pub fn is_compressed(&self) -> bool {
+        self.format.is_compressed
+    }
+
+    fn open(&self) -> Result<Reader, LasError> {
+        let file = File::open(&self.path)
+            .map_err(|e| LasError::new(&self.path, format!("cannot be read: {e}")))?;
+        // Files are decoded in parallel, not the chunks of one: the parallel
+        // decoder holds whole chunks, and some files are a single one.
+        let options = ReaderOptions::default().with_laz_parallelism(LazParallelism::No);
+        let open = || Reader::with_options(BufReader::with_capacity(1 << 20, file), options);
+        match catch_unwind(AssertUnwindSafe(open)) {
+            Ok(Ok(reader)) => Ok(reader),
+            Ok(Err(error)) => Err(LasError::new(
+                &self.path,
+                format!("cannot be opened: {error}; the file is damaged or truncated"),
+            )),
+            Err(_) => Err(LasError::new(
+                &self.path,
+                "cannot be opened: the file is damaged",
+            )),
+        }
+    }
+}
+
+/// The public header block, after a look at whether the file can hold what it
+/// announces: the reader of records would allocate and loop by it.
+fn read_header(path: &Path, bytes: u64) -> Result<raw::Header, LasError> {
+    let wrong = |problem: String| LasError::new(path, problem);
+    if bytes == 0 {
+        return Err(wrong("is empty (0 bytes)".into()));
+    }
+    let file = File::open(path).map_err(|e| wrong(format!("cannot be read: {e}")))?;
+    let mut file = BufReader::new(file);
+    let mut signature = Vec::new();
+    file.by_ref()
+        .take(4)
+        .read_to_end(&mut signature)
+        .map_err(|e| wrong(format!("cannot be read: {e}")))?;
+    if signature != b"LASF" {
+        let guess = if signature.starts_with(b"ply") {
+            "; it looks like PLY, which is not read as input yet"
+        } else {
+            ""
+        };
+        return Err(wrong(format!("is no LAS or LAZ file{guess}")));
+    }
+    if bytes < SHORTEST_HEADER {
+        return Err(wrong(format!(
+            "is truncated: {bytes} bytes, and the header alone takes {SHORTEST_HEADER}"
+        )));
+    }
+    let header = file
+        .rewind()
+        .map_err(::las::Error::from)
+        .and_then(|()| raw::Header::read_from(&mut file))
+        .map_err(|e| wrong(format!("has no readable header: {e}")))?;
+    let version = header.version;
+    if version.major != 1 || version.minor > 4 {
+        return Err(wrong(format!(
+            "is LAS {}.{}; versions 1.0 to 1.4 are read",
+            version.major, version.minor
+        )));
+    }
+    let (offset, size) = (
+        u64::from(header.offset_to_point_data),
+        u64::from(header.header_size),
+    );
+    if offset > bytes || size > offset {
+        return Err(wrong(format!(
+            "is truncated or damaged: points should start at byte {offset}, after a header of \
+             {size}, in a file of {bytes}"
+        )));
+    }
+    let records = u64::from(header.number_of_variable_length_records);
+    if records * VLR_HEADER > offset - size {
+        return Err(wrong(format!(
+            "is damaged: {records} variable length records cannot stand in {} bytes",
+            offset - size
+        )));
+    }
+    check_vlr_lengths(&mut file, &header).map_err(wrong)?;
+    Ok(header)
+}
+
+/// Walks over the variable length records: none may reach beyond the points.
+fn check_vlr_lengths(file: &mut BufReader<File>, header: &raw::Header) -> Result<(), String> {
+    let end = u64::from(header.offset_to_point_data);
+    let mut at = u64::from(header.header_size);
+    for number in 0..header.number_of_variable_length_records {
+        let mut head = [0; VLR_HEADER as usize];
+        file.seek(SeekFrom::Start(at))
+            .and_then(|_| file.read_exact(&mut head))
+            .map_err(|e| format!("variable length record {number} cannot be read: {e}"))?;
+        at += VLR_HEADER + u64::from(u16::from_le_bytes([head[20], head[21]]));
+        if at > end {
+            return Err(format!(
+                "is damaged: variable length record {number} reaches to byte {at}, points start \
+                 at {end}"
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// The extended records after the first, which the reader leaves out; `None`
+/// if they cannot be read.
+fn rest_of_evlrs(path: &Path, header: &raw::Header) -> Option<Vec<Vlr>> {
+    let Some(evlr) = header.evlr.filter(|evlr| evlr.number_of_evlrs > 1) else {
+        return Some(Vec::new());
+    };
+    let mut file = File::open(path).ok()?;
+    let bytes = file.metadata().ok()?.len();
+    let mut at = evlr.start_of_first_evlr;
+    let mut vlrs = Vec::new();
+    for number in 0..evlr.number_of_evlrs {
+        let mut head = [0; EVLR_HEADER as usize];
+        file.seek(SeekFrom::Start(at)).ok()?;
+        file.read_exact(&mut head).ok()?;
+        let length = u64::from_le_bytes(head[20..28].try_into().ok()?);
+        at = at.checked_add(EVLR_HEADER)?.checked_add(length)?;
+        if at > bytes {
+            return None;
+        }
+        // Hierarchies and wave packets may be huge, and are of no use here.
+        if number > 0 && length <= LONGEST_EVLR {
+            let mut data = Vec::new();
+            file.by_ref().take(length).read_to_end(&mut data).ok()?;
+            vlrs.push(Vlr {
+                user_id: lossy(&head[2..18]),
+                record_id: u16::from_le_bytes([head[18], head[19]]),
+                description: lossy(&head[28..60]),
+                data,
+            });
+        }
+    }
+    Some(vlrs)
+}
+
+fn lossy(bytes: &[u8]) -> String {
+    let end = bytes.iter().position(|&b| b == 0).unwrap_or(bytes.len());
+    String::from_utf8_lossy(&bytes[..end]).into_owned()
+}
+
+/// The extra bytes that the records describe, and one more for those that no
+/// record does.
+fn extra_bytes(vlrs: &[&Vlr], length: usize, notes: &mut Vec<String>) -> Vec<ExtraByte> {
+    let described: Option<Vec<ExtraByte>> = vlrs
+        .iter()
+        .find(|vlr| vlr.user_id == "LASF_Spec" && vlr.record_id == 4)
+        .and_then(|vlr| {
+            vlr.data
+                .chunks_exact(DESCRIPTOR_BYTES)
+                .map(ExtraByte::from_descriptor)
+                .collect()
+        });
+    let mut extras = described.unwrap_or_default();
+    let total: usize = extras.iter().map(|extra| extra.length).sum();
+    if total > length {
+        notes.push(format!(
+            "describes {total} extra bytes and has {length}; they are carried undescribed"
+        ));
+        extras.clear();
+    }
+    let described: usize = extras.iter().map(|extra| extra.length).sum();
+    if described < length {
+        extras.push(ExtraByte::undescribed(length - described));
+    }
+    extras
+}
+
+/// The points of a file, as records of the run.
+#[allow(missing_debug_implementations, reason = "the reader inside has none")]
+pub struct PointStream {
+    path: PathBuf,
+    reader: Reader,
+    batch: PointData,
+    converter: Converter,
+    claimed: u64,
+    read: u64,
+    rejected: u64,
+}
+
+impl PointStream {
+    /// Opens `input`, to be read as `record` on `lattice`.
+    ///
+    /// # Errors
+    ///
+    /// If the file cannot be opened (any more).
+    pub fn open(
+        input: &InputFile,
+        record: &RecordFormat,
+        lattice: Lattice,
+    ) -> Result<Self, LasError> {
+        let reader = input.open()?;
+        Ok(Self {
+            path: input.path.clone(),
+            batch: PointDataBuilder::new().for_header(reader.header()).build(),
+            converter: Converter::new(input, record, lattice),
+            claimed: input.points_claimed,
+            reader,
+            read: 0,
+            rejected: 0,
+        })
+    }
+
+    /// Replaces `records` by the next ones; returns how many points were read,
+    /// rejected ones included, and 0 at the end.
+    ///
+    /// # Errors
+    ///
+    /// If the file ends early or cannot be decoded.
+    pub fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<usize, LasError> {
+        records.clear();
+        let wanted = BATCH.min(self.claimed - self.read);
+        if wanted == 0 {
+            return Ok(0);
+        }
+        let (reader, batch) = (&mut self.reader, &mut self.batch);
+        // Some corruption makes the decoder panic, not fail: bad data all the
+        // same, and the reader is not used again.
+        let outcome = catch_unwind(AssertUnwindSafe(|| reader.fill_points(wanted, batch)));
+        let read = match outcome {
+            Ok(Ok(read)) if read > 0 => read,
+            Ok(Ok(_)) => return Err(self.broken("no more points")),
+            Ok(Err(error)) => return Err(self.broken(&error.to_string())),
+            Err(_) => return Err(self.broken("the decoder gave up")),
+        };
+        for raw in self.batch.raw_bytes().chunks_exact(self.batch.record_len()) {
+            if !self.converter.convert(raw, records) {
+                self.rejected += 1;
+            }
+        }
+        self.read += read;
+        Ok(usize::try_from(read).unwrap_or(usize::MAX))
+    }
+
+    /// Points read so far, and those of them that were out of range.
+    pub fn counts(&self) -> (u64, u64) {
+        (self.read, self.rejected)
+    }
+
+    fn broken(&self, why: &str) -> LasError {
+        LasError::new(
+            &self.path,
+            format!(
+                "is truncated or damaged after point {} of {}: {why}; repair it or leave it out",
+                self.read, self.claimed
+            ),
+        )
+    }
+}

@@ -1,0 +1,345 @@
+//! The run's record: LAS 1.4 format 6, 7 or 8, and extra bytes.
+//!
+//! ```text
+//!    0  x y z            3 × i32, on the run's lattice
+//!   12  intensity        u16
+//!   14  returns          number (4 bits), of how many (4 bits)
+//!   15  flags            synthetic key-point withheld overlap, channel (2),
+//!                        scan direction, edge of flight line
+//!   16  classification   u8
+//!   17  user data        u8
+//!   18  scan angle       i16, 0.006°
+//!   20  point source     u16
+//!   22  GPS time         f64
+//!   30  red green blue   3 × u16    (formats 7 and 8)
+//!   36  near infrared    u16        (format 8)
+//!       extra bytes
+//! ```
+//!
+//! (LAS Specification 1.4 R15, tables 6 to 16.) Wave packets are dropped: what
+//! they point to is not copied.
+
+use serde::{Deserialize, Serialize};
+
+use super::{InputFile, LasError};
+use crate::geometry::{Lattice, Stored};
+
+/// An extra-bytes attribute.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ExtraByte {
+    /// Its name.
+    pub name: String,
+    /// Its length in bytes.
+    pub length: usize,
+    /// The 192 bytes of the specification that describe it; empty for bytes
+    /// that no record describes.
+    pub descriptor: Vec<u8>,
+}
+
+/// Length of a descriptor (LAS 1.4, table 24).
+pub(super) const DESCRIPTOR_BYTES: usize = 192;
+
+impl ExtraByte {
+    /// Reads one descriptor.
+    pub(super) fn from_descriptor(descriptor: &[u8]) -> Option<Self> {
+        let data_type = *descriptor.get(2)?;
+        // 1 to 10 are u8, i8, u16, i16, u32, i32, u64, i64, f32, f64; 11 to 30
+        // are pairs and triples of them (deprecated, still met); 0 is as many
+        // opaque bytes as the options say.
+        let single = |t: u8| [1, 1, 2, 2, 4, 4, 8, 8, 4, 8][usize::from(t - 1) % 10];
+        let length = match data_type {
+            0 => usize::from(*descriptor.get(3)?),
+            1..=30 => single(data_type) * (usize::from(data_type - 1) / 10 + 1),
+            _ => return None,
+        };
+        let name = descriptor.get(4..36)?;
+        let end = name.iter().position(|&b| b == 0).unwrap_or(name.len());
+        Some(Self {
+            name: String::from_utf8_lossy(&name[..end]).into_owned(),
+            length,
+            descriptor: descriptor.get(..DESCRIPTOR_BYTES)?.to_vec(),
+        })
+    }
+
+    /// Bytes that no record describes.
+    pub(super) fn undescribed(length: usize) -> Self {
+        Self {
+            name: String::new(),
+            length,
+            descriptor: Vec::new(),
+        }
+    }
+
+    /// What stands where an input lacks the attribute: its no-data value if it
+    /// declares one, else zeros.
+    fn absent(&self) -> Vec<u8> {
+        let declares = self
+            .descriptor
+            .get(3)
+            .is_some_and(|options| options & 1 != 0)
+            && self
+                .descriptor
+                .get(2)
+                .is_some_and(|&t| (1..=10).contains(&t));
+        if declares {
+            self.descriptor[40..40 + self.length].to_vec()
+        } else {
+            vec![0; self.length]
+        }
+    }
+}
+
+/// Format of all records of a run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RecordFormat {
+    /// LAS point format: 6, 7 or 8.
+    pub point_format: u8,
+    /// Extra bytes, in order.
+    pub extra_bytes: Vec<ExtraByte>,
+}
+
+impl RecordFormat {
+    /// The format that loses nothing of `inputs`: 8 if one has near infrared,
+    /// 7 if one has colour, else 6; extra bytes of all, by name.
+    ///
+    /// # Errors
+    ///
+    /// If two inputs give one name to attributes of different types.
+    pub fn for_inputs(inputs: &[InputFile]) -> Result<Self, LasError> {
+        let point_format = inputs
+            .iter()
+            .map(|input| {
+                let format = input.format();
+                6 + u8::from(format.has_color) + u8::from(format.has_nir)
+            })
+            .max()
+            .unwrap_or(6);
+        let mut extra_bytes: Vec<ExtraByte> = Vec::new();
+        for input in inputs {
+            for extra in &input.extra_bytes {
+                match extra_bytes.iter().find(|known| known.name == extra.name) {
+                    Some(known) if known.length == extra.length => {}
+                    Some(known) => {
+                        return Err(LasError::new(
+                            &input.path,
+                            format!(
+                                "its extra bytes `{}` are {} bytes long, those of an earlier \
+                                 input {}; convert one of them first",
+                                extra.name, extra.length, known.length
+                            ),
+                        ));
+                    }
+                    None => extra_bytes.push(extra.clone()),
+                }
+            }
+        }
+        Ok(Self {
+            point_format,
+            extra_bytes,
+        })
+    }
+
+    /// Length of the standard part of a record in bytes.
+    fn standard_length(&self) -> usize {
+        match self.point_format {
+            6 => 30,
+            7 => 36,
+            _ => 38,
+        }
+    }
+
+    /// Length of the extra bytes of a record.
+    pub fn extra_length(&self) -> usize {
+        self.extra_bytes.iter().map(|extra| extra.length).sum()
+    }
+
+    /// Length of a record in bytes.
+    pub fn record_length(&self) -> usize {
+        self.standard_length() + self.extra_length()
+    }
+
+    /// Whether records have colour.
+    pub fn has_color(&self) -> bool {
+        self.point_format >= 7
+    }
+}
+
+/// Moves the point of `record` to `place`, as a point that no pulse returned:
+/// return 1 of 1.
+///
+/// # Panics
+///
+/// If the record is shorter than the standard's.
+pub(crate) fn move_to(record: &mut [u8], place: Stored) {
+    record[0..4].copy_from_slice(&place.x.to_le_bytes());
+    record[4..8].copy_from_slice(&place.y.to_le_bytes());
+    record[8..12].copy_from_slice(&place.z.to_le_bytes());
+    record[14] = 0x11;
+}
+
+/// Where an extra-bytes attribute of the run comes from.
+#[derive(Clone, Debug)]
+enum ExtraSource {
+    Copied { from: usize, length: usize },
+    Absent(Vec<u8>),
+}
+
+/// Turns the records of one input into the run's.
+#[derive(Clone, Debug)]
+pub(super) struct Converter {
+    lattice: Lattice,
+    scale: [f64; 3],
+    offset: [f64; 3],
+    is_extended: bool,
+    gps_time: Option<usize>,
+    color: Option<usize>,
+    near_infrared: Option<usize>,
+    has_color: bool,
+    has_near_infrared: bool,
+    extras: Vec<ExtraSource>,
+}
+
+impl Converter {
+    pub(super) fn new(input: &InputFile, record: &RecordFormat, lattice: Lattice) -> Self {
+        let format = input.format();
+        let gps_at = if format.is_extended { 22 } else { 20 };
+        let color_at = gps_at + if format.has_gps_time { 8 } else { 0 };
+        let nir_at = color_at + if format.has_color { 6 } else { 0 };
+        // Extra bytes stand last, after the wave packets if there are any.
+        let standard = usize::from(format.len() - format.extra_bytes);
+        let extras = record
+            .extra_bytes
+            .iter()
+            .map(|extra| {
+                let mut from = standard;
+                for own in &input.extra_bytes {
+                    if own.name == extra.name {
+                        let length = extra.length;
+                        return ExtraSource::Copied { from, length };
+                    }
+                    from += own.length;
+                }
+                ExtraSource::Absent(extra.absent())
+            })
+            .collect();
+        Self {
+            lattice,
+            scale: input.scale,
+            offset: input.offset,
+            is_extended: format.is_extended,
+            gps_time: format.has_gps_time.then_some(gps_at),
+            color: format.has_color.then_some(color_at),
+            near_infrared: format.has_nir.then_some(nir_at),
+            has_color: record.point_format >= 7,
+            has_near_infrared: record.point_format >= 8,
+            extras,
+        }
+    }
+
+    /// Appends the run's form of `raw` to `out`; `false`, and nothing appended,
+    /// if the point lies outside of what the lattice can hold.
+    pub(super) fn convert(&self, raw: &[u8], out: &mut Vec<u8>) -> bool {
+        let coordinate = |axis: usize| {
+            let at = 4 * axis;
+            let stored = i32::from_le_bytes([raw[at], raw[at + 1], raw[at + 2], raw[at + 3]]);
+            f64::from(stored) * self.scale[axis] + self.offset[axis]
+        };
+        let world = [coordinate(0), coordinate(1), coordinate(2)];
+        let Some(point) = self.lattice.quantise(world) else {
+            return false;
+        };
+        for c in [point.x, point.y, point.z] {
+            out.extend(c.to_le_bytes());
+        }
+        out.extend(&raw[12..14]);
+        if self.is_extended {
+            out.extend(&raw[14..22]);
+        } else {
+            out.extend(&legacy_flags(raw));
+        }
+        match self.gps_time {
+            Some(at) => out.extend(&raw[at..at + 8]),
+            None => out.extend([0; 8]),
+        }
+        if self.has_color {
+            match self.color {
+                Some(at) => out.extend(&raw[at..at + 6]),
+                None => out.extend([0; 6]),
+            }
+        }
+        if self.has_near_infrared {
+            match self.near_infrared {
+                Some(at) => out.extend(&raw[at..at + 2]),
+                None => out.extend([0; 2]),
+            }
+        }
+        for extra in &self.extras {
+            match extra {
+                ExtraSource::Copied { from, length } => out.extend(&raw[*from..from + length]),
+                ExtraSource::Absent(value) => out.extend(value),
+            }
+        }
+        true
+    }
+}
+
+/// Bytes 14 to 21 of formats 0 to 5 as bytes 14 to 21 of formats 6 to 10.
+fn legacy_flags(raw: &[u8]) -> [u8; 8] {
+    let (returns, class) = (raw[14], raw[15]);
+    // Class 12 meant overlap before there was a flag for it; the class proper
+    // is not known then: 1, unclassified.
+    let is_overlap = class & 31 == 12;
+    let angle = i16::from(raw[16] as i8);
+    // 0.006° to the unit: 1° is 166⅔ of them.
+    let scaled = (f64::from(angle) / 0.006).round() as i16;
+    let [angle_low, angle_high] = scaled.to_le_bytes();
+    [
+        (returns & 7) | (returns >> 3 & 7) << 4,
+        class >> 5 | u8::from(is_overlap) << 3 | (returns >> 6 & 3) << 6,
+        if is_overlap { 1 } else { class & 31 },
+        raw[17],
+        angle_low,
+        angle_high,
+        raw[18],
+        raw[19],
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn legacy_flags_keep_their_meaning() {
+        let mut raw = [0_u8; 20];
+        // Return 2 of 5, scan direction and edge of flight line set.
+        raw[14] = 2 | 5 << 3 | 1 << 6 | 1 << 7;
+        // Class 6, synthetic and withheld.
+        raw[15] = 6 | 1 << 5 | 1 << 7;
+        raw[16] = (-30_i8) as u8;
+        raw[17] = 99;
+        raw[18..20].copy_from_slice(&777_u16.to_le_bytes());
+        let flags = legacy_flags(&raw);
+        assert_eq!(flags[0], 2 | 5 << 4);
+        assert_eq!(flags[1], 1 | 4 | 1 << 6 | 1 << 7);
+        assert_eq!(flags[2], 6);
+        assert_eq!(flags[3], 99);
+        assert_eq!(i16::from_le_bytes([flags[4], flags[5]]), -5000);
+        assert_eq!(u16::from_le_bytes([flags[6], flags[7]]), 777);
+        raw[15] = 12;
+        assert_eq!(&legacy_flags(&raw)[1..3], &[1 << 3 | 1 << 6 | 1 << 7, 1]);
+    }
+
+    #[test]
+    fn the_length_of_an_extra_byte_follows_its_type() {
+        let mut descriptor = [0_u8; 192];
+        descriptor[4..8].copy_from_slice(b"roll");
+        for (data_type, length) in [(1, 1), (3, 2), (6, 4), (10, 8), (19, 8), (30, 24)] {
+            descriptor[2] = data_type;
+            let extra = ExtraByte::from_descriptor(&descriptor).unwrap();
+            assert_eq!((extra.length, extra.name.as_str()), (length, "roll"));
+        }
+        descriptor[2] = 31;
+        assert_eq!(ExtraByte::from_descriptor(&descriptor), None);
+    }
+}

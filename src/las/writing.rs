@@ -1,0 +1,425 @@
+//! From records to a file, complete under its name or not there at all.
+//!
+//! LAS and LAZ are version 1.4 with the run's format; PLY is binary, little
+//! endian, with the attributes that its readers know.
+
+use std::{
+    fs::File,
+    io::{self, BufWriter, Seek, SeekFrom, Write},
+    path::{Path, PathBuf},
+    sync::{Arc, Mutex},
+};
+
+use ::las::{
+    Builder, GpsTimeType, PointDataBuilder, Transform, Vector, Version, Vlr, Writer,
+    point::Format as PointFormat,
+};
+
+use super::{Crs, LasError, RecordFormat};
+use crate::geometry::Lattice;
+
+/// What is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Uncompressed LAS.
+    Las,
+    /// Compressed LAS.
+    Laz,
+    /// Polygon file format, points only.
+    Ply,
+}
+
+impl Format {
+    /// The format that the ending of `path` asks for.
+    ///
+    /// # Errors
+    ///
+    /// If it asks for none that can be written.
+    pub fn of_path(path: &Path) -> Result<Self, LasError> {
+        let name = path
+            .file_name()
+            .map(|name| name.to_string_lossy().to_ascii_lowercase())
+            .unwrap_or_default();
+        if name.ends_with(".copc.laz") {
+            return Err(LasError::new(
+                path,
+                "COPC is not written yet; name the output .laz, .las or .ply",
+            ));
+        }
+        match path.extension().map(|e| e.to_ascii_lowercase()) {
+            Some(e) if e == "las" => Ok(Self::Las),
+            Some(e) if e == "laz" => Ok(Self::Laz),
+            Some(e) if e == "ply" => Ok(Self::Ply),
+            _ => Err(LasError::new(path, "name the output .laz, .las or .ply")),
+        }
+    }
+}
+
+/// What the header of an output says.
+#[derive(Clone, Debug)]
+pub struct CloudHeader {
+    /// Format of the records.
+    pub record: RecordFormat,
+    /// Scale and offset.
+    pub lattice: Lattice,
+    /// Coordinate reference system.
+    pub crs: Option<Crs>,
+    /// Whether GPS times are adjusted standard times.
+    pub has_standard_time: bool,
+    /// How the cloud was made, as JSON.
+    pub provenance: String,
+}
+
+/// A cloud that is being written.
+#[allow(missing_debug_implementations, reason = "the writer inside has none")]
+pub struct CloudWriter {
+    path: PathBuf,
+    part: PathBuf,
+    body: Body,
+    failure: Failure,
+    points: u64,
+    finished: bool,
+}
+
+enum Body {
+    Las {
+        writer: Box<Writer<Sink>>,
+        format: PointFormat,
+        transforms: Vector<Transform>,
+    },
+    Ply {
+        sink: Sink,
+        header: CloudHeader,
+        count_at: u64,
+    },
+}
+
+/// Where the LAS 1.4 header keeps the counts of older readers: the number of
+/// points and of points by return, which formats 6 and up must leave zero.
+const LEGACY_COUNTS: (u64, usize) = (107, 24);
+
+impl CloudWriter {
+    /// Begins the cloud at `path`, under another name in the same directory.
+    ///
+    /// # Errors
+    ///
+    /// If no file can be made there.
+    pub fn create(path: &Path, format: Format, header: &CloudHeader) -> Result<Self, LasError> {
+        let wrong =
+            |e: &dyn std::fmt::Display| LasError::new(path, format!("cannot be written: {e}"));
+        let mut name = std::ffi::OsString::from(".");
+        name.push(path.file_name().ok_or_else(|| wrong(&"it has no name"))?);
+        name.push(".part");
+        let part = path.with_file_name(name);
+        let file = File::create(&part).map_err(|e| wrong(&e))?;
+        let failure = Failure::default();
+        let mut sink = Sink {
+            file: BufWriter::with_capacity(1 << 20, file),
+            failure: failure.clone(),
+        };
+        let body = match format {
+            Format::Ply => {
+                let (text, count_at) = ply_header(header);
+                sink.write_all(text.as_bytes()).map_err(|e| wrong(&e))?;
+                Body::Ply {
+                    sink,
+                    header: header.clone(),
+                    count_at,
+                }
+            }
+            Format::Las | Format::Laz => {
+                let las = las_header(header, format == Format::Laz).map_err(|e| wrong(&e))?;
+                let (format, transforms) = (*las.point_format(), *las.transforms());
+                Body::Las {
+                    writer: Box::new(Writer::new(sink, las).map_err(|e| wrong(&e))?),
+                    format,
+                    transforms,
+                }
+            }
+        };
+        let writer = Self {
+            path: path.to_owned(),
+            part,
+            body,
+            failure,
+            points: 0,
+            finished: false,
+        };
+        writer.check()?;
+        Ok(writer)
+    }
+
+    /// Appends `records`, in the run's format.
+    ///
+    /// # Errors
+    ///
+    /// If they cannot be written.
+    pub fn write(&mut self, records: &[u8]) -> Result<(), LasError> {
+        match &mut self.body {
+            Body::Las {
+                writer,
+                format,
+                transforms,
+            } => {
+                let batch = PointDataBuilder::new()
+                    .with_format(*format)
+                    .with_transforms(*transforms)
+                    .build_from_bytes(records.to_vec())
+                    .and_then(|batch| {
+                        self.points += batch.len() as u64;
+                        writer.write_points(&batch)
+                    });
+                batch.map_err(|e| LasError::new(&self.path, format!("cannot be written: {e}")))?;
+            }
+            Body::Ply { sink, header, .. } => {
+                let mut out = Vec::new();
+                for record in records.chunks_exact(header.record.record_length()) {
+                    ply_vertex(header, record, &mut out);
+                    self.points += 1;
+                }
+                sink.write_all(&out)
+                    .map_err(|e| LasError::new(&self.path, format!("cannot be written: {e}")))?;
+            }
+        }
+        self.check()
+    }
+
+    /// Completes the file and gives it its name; returns its points and bytes.
+    ///
+    /// # Errors
+    ///
+    /// If it cannot be completed; nothing is left under either name then.
+    pub fn finish(mut self) -> Result<(u64, u64), LasError> {
+        let wrong = |e: &dyn std::fmt::Display| {
+            LasError::new(&self.path, format!("cannot be written: {e}"))
+        };
+        match &mut self.body {
+            Body::Las { writer, .. } => writer.close().map_err(|e| wrong(&e))?,
+            Body::Ply { sink, count_at, .. } => sink
+                .seek(SeekFrom::Start(*count_at))
+                .and_then(|_| sink.write_all(format!("{:<20}", self.points).as_bytes()))
+                .and_then(|()| sink.flush())
+                .map_err(|e| wrong(&e))?,
+        }
+        let is_las = matches!(self.body, Body::Las { .. });
+        if let Body::Las { writer, .. } = &mut self.body {
+            // `close` leaves the last bytes in the buffer of the sink, which
+            // goes to the file when the writer is dropped.
+            let spare = spare_writer().map_err(|e| wrong(&e))?;
+            drop(std::mem::replace(writer, spare));
+        }
+        self.check()?;
+        let file = File::options().write(true).open(&self.part);
+        let complete = file.and_then(|mut file| {
+            if is_las {
+                file.seek(SeekFrom::Start(LEGACY_COUNTS.0))?;
+                file.write_all(&vec![0; LEGACY_COUNTS.1])?;
+            }
+            file.sync_all()?;
+            let bytes = file.metadata()?.len();
+            std::fs::rename(&self.part, &self.path)?;
+            Ok(bytes)
+        });
+        let bytes = complete.map_err(|e: io::Error| wrong(&e))?;
+        self.finished = true;
+        Ok((self.points, bytes))
+    }
+
+    fn check(&self) -> Result<(), LasError> {
+        match self.failure.take() {
+            Some(error) => Err(LasError::new(
+                &self.path,
+                format!("cannot be written: {error}; nothing is left under that name"),
+            )),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Drop for CloudWriter {
+    fn drop(&mut self) {
+        if !self.finished {
+            // Not to be completed on the way out: it would be thrown away.
+            self.failure.stop();
+            drop(std::fs::remove_file(&self.part));
+        }
+    }
+}
+
+/// A writer into nothing, to stand in for one that is taken away.
+fn spare_writer() -> ::las::Result<Box<Writer<Sink>>> {
+    let null = File::options()
+        .write(true)
+        .open(if cfg!(windows) { "NUL" } else { "/dev/null" })?;
+    let failure = Failure::default();
+    failure.stop();
+    let sink = Sink {
+        file: BufWriter::new(null),
+        failure,
+    };
+    Writer::new(sink, ::las::Header::default()).map(Box::new)
+}
+
+fn las_header(header: &CloudHeader, compressed: bool) -> ::las::Result<::las::Header> {
+    let mut builder = Builder::from(Version::new(1, 4));
+    let mut format = PointFormat::new(header.record.point_format)?;
+    format.is_compressed = compressed;
+    format.extra_bytes = u16::try_from(header.record.extra_length())?;
+    builder.point_format = format;
+    builder.system_identifier = "MODIFICATION".to_owned();
+    builder.generating_software = concat!("lloydar ", env!("CARGO_PKG_VERSION")).to_owned();
+    builder.date = creation_date();
+    builder.gps_time_type = if header.has_standard_time {
+        GpsTimeType::Standard
+    } else {
+        GpsTimeType::Week
+    };
+    let transform = |axis: usize| Transform {
+        scale: header.lattice.scale,
+        offset: header.lattice.offset[axis],
+    };
+    builder.transforms = Vector {
+        x: transform(0),
+        y: transform(1),
+        z: transform(2),
+    };
+    builder.has_wkt_crs = true;
+    builder.vlrs = header.crs.as_ref().map(Crs::vlrs).unwrap_or_default();
+    let descriptors: Vec<u8> = header
+        .record
+        .extra_bytes
+        .iter()
+        .flat_map(|extra| extra.descriptor.clone())
+        .collect();
+    if !descriptors.is_empty() {
+        builder.vlrs.push(Vlr {
+            user_id: "LASF_Spec".to_owned(),
+            record_id: 4,
+            description: "Extra Bytes".to_owned(),
+            data: descriptors,
+        });
+    }
+    builder.vlrs.push(Vlr {
+        user_id: "lloydar".to_owned(),
+        record_id: 1,
+        description: "how this cloud was made".to_owned(),
+        // Longer than a record can be is cut: it is for people to read.
+        data: header.provenance.bytes().take(u16::MAX.into()).collect(),
+    });
+    builder.into_header()
+}
+
+/// The day of `SOURCE_DATE_EPOCH`, for reproducible files, else today.
+fn creation_date() -> Option<chrono::NaiveDate> {
+    let fixed = std::env::var("SOURCE_DATE_EPOCH")
+        .ok()
+        .and_then(|text| text.trim().parse().ok())
+        .and_then(|seconds| chrono::DateTime::from_timestamp(seconds, 0));
+    Some(fixed.unwrap_or_else(chrono::Utc::now).date_naive())
+}
+
+fn ply_header(header: &CloudHeader) -> (String, u64) {
+    let mut text = String::from("ply\nformat binary_little_endian 1.0\ncomment lloydar\n");
+    text += "element vertex ";
+    let count_at = text.len() as u64;
+    text += &format!("{:<20}\n", 0);
+    text += "property double x\nproperty double y\nproperty double z\n";
+    if header.record.has_color() {
+        text += "property ushort red\nproperty ushort green\nproperty ushort blue\n";
+    }
+    text += "property ushort intensity\nproperty uchar classification\n";
+    text += "property ushort point_source_id\nproperty double gps_time\nend_header\n";
+    (text, count_at)
+}
+
+fn ply_vertex(header: &CloudHeader, record: &[u8], out: &mut Vec<u8>) {
+    for c in header.lattice.world(crate::tile::stored(record)) {
+        out.extend(c.to_le_bytes());
+    }
+    if header.record.has_color() {
+        out.extend(&record[30..36]);
+    }
+    out.extend(&record[12..14]);
+    out.push(record[16]);
+    out.extend(&record[20..22]);
+    out.extend(&record[22..30]);
+}
+
+/// The first failure of a sink, which its owner asks for.
+#[derive(Clone, Default)]
+struct Failure(Arc<Mutex<FailureState>>);
+
+#[derive(Default)]
+struct FailureState {
+    first: Option<io::Error>,
+    stopped: bool,
+}
+
+impl Failure {
+    fn with<T>(&self, f: impl FnOnce(&mut FailureState) -> T) -> T {
+        f(&mut self
+            .0
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner))
+    }
+    fn take(&self) -> Option<io::Error> {
+        self.with(|state| state.first.take())
+    }
+    fn stop(&self) {
+        self.with(|state| state.stopped = true);
+    }
+    fn record(&self, error: io::Error) {
+        self.with(|state| {
+            state.stopped = true;
+            state.first.get_or_insert(error);
+        });
+    }
+}
+
+/// A file that, once it has failed, takes everything and keeps nothing.
+///
+/// The writer of `las` completes its file when it is dropped, and panics if
+/// that fails: on a full disk it would. So it is never told; the owner asks
+/// after every batch.
+struct Sink {
+    file: BufWriter<File>,
+    failure: Failure,
+}
+
+impl Write for Sink {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if !self.failure.with(|state| state.stopped)
+            && let Err(error) = self.file.write_all(bytes)
+        {
+            self.failure.record(error);
+        }
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        if !self.failure.with(|state| state.stopped)
+            && let Err(error) = self.file.flush()
+        {
+            self.failure.record(error);
+        }
+        Ok(())
+    }
+}
+
+impl Seek for Sink {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        if !self.failure.with(|state| state.stopped) {
+            match self.file.seek(to) {
+                Ok(at) => return Ok(at),
+                Err(error) => self.failure.record(error),
+            }
+        }
+        Ok(0)
+    }
+}
+
+impl Drop for Sink {
+    fn drop(&mut self) {
+        drop(self.flush());
+    }
+}

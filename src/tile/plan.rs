@@ -1,0 +1,344 @@
+//! Tiles that fit the budget, from true counts.
+//!
+//! The plane is cut in two, again and again, along the borders of counting
+//! squares, until what a tile sees (core and halo) fits. A long street so
+//! becomes a row of tiles, a dense junction several small ones. Cuts that make
+//! neighbours see the same points twice are costly: of the cuts tried the one
+//! with the fewest points seen, evenly shared, is taken.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Spill, TileError};
+use crate::geometry::Rect;
+
+/// Cuts tried along each axis.
+const CUTS: i64 = 15;
+
+/// What tiles must fit. Lengths are stored units.
+#[derive(Clone, Copy, Debug)]
+pub struct PlanOptions {
+    /// What a tile sees around its core.
+    pub halo: i64,
+    /// Edge of square tiles; `None`: by the number of points.
+    pub tile_edge: Option<i64>,
+    /// Points that a tile may see.
+    pub most_points: u64,
+}
+
+/// A part of the plane that is solved alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Tile {
+    /// Its place in the plan.
+    pub id: u32,
+    /// What is at home in it (stored units).
+    pub core: Rect,
+    /// Points in the core.
+    pub points_core: u64,
+    /// Points in core and halo, at most.
+    pub points_seen: u64,
+}
+
+/// All tiles of a job: every point is at home in exactly one.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Plan {
+    /// What a tile sees around its core (stored units).
+    pub halo: i64,
+    /// The tiles, neighbours in the plane near each other in the list.
+    pub tiles: Vec<Tile>,
+}
+
+impl Plan {
+    /// Plans tiles over the points of `spill`.
+    ///
+    /// # Errors
+    ///
+    /// [`TileError::TooDense`] if a single counting square sees more than
+    /// `options.most_points`; a fixed tile size is taken as it is and never
+    /// refused here.
+    pub fn make(spill: &Spill, options: PlanOptions) -> Result<Self, TileError> {
+        let square = spill.grid().square();
+        let counts = Counts::new(spill.squares(), square);
+        let mut cores = Vec::new();
+        if let Some(bounds) = counts.bounds() {
+            match options.tile_edge {
+                Some(edge) => cores = equal_tiles(&counts, bounds, edge),
+                None => split(&counts, bounds, &options, &mut cores)?,
+            }
+        }
+        let tiles = (0..)
+            .zip(cores)
+            .map(|(id, core)| Tile {
+                id,
+                core,
+                points_core: counts.touching(&core),
+                points_seen: counts.touching(&core.grown(options.halo)),
+            })
+            .collect();
+        Ok(Self {
+            halo: options.halo,
+            tiles,
+        })
+    }
+
+    /// Most points that a tile sees.
+    pub fn most_points_seen(&self) -> u64 {
+        self.tiles.iter().map(|t| t.points_seen).max().unwrap_or(0)
+    }
+}
+
+/// Points by counting square: rows of running sums, so that a rectangle costs
+/// two searches a row and an empty city block nothing.
+struct Counts {
+    square: i64,
+    /// Row, and for its occupied squares the column and the points up to it.
+    rows: Vec<(i64, Vec<(i64, u64)>)>,
+}
+
+impl Counts {
+    fn new(squares: impl Iterator<Item = ([i64; 2], u64)>, square: i64) -> Self {
+        let mut sorted: Vec<([i64; 2], u64)> = squares.map(|([x, y], n)| ([y, x], n)).collect();
+        sorted.sort_unstable();
+        let mut rows: Vec<(i64, Vec<(i64, u64)>)> = Vec::new();
+        for ([y, x], count) in sorted {
+            match rows.last_mut() {
+                Some((row, squares)) if *row == y => {
+                    let sum = squares.last().map_or(0, |s| s.1) + count;
+                    squares.push((x, sum));
+                }
+                _ => rows.push((y, vec![(x, count)])),
+            }
+        }
+        Self { square, rows }
+    }
+
+    /// The smallest rectangle of whole squares around all points.
+    fn bounds(&self) -> Option<Rect> {
+        let west = self
+            .rows
+            .iter()
+            .filter_map(|(_, s)| s.first())
+            .map(|s| s.0)
+            .min()?;
+        let east = self
+            .rows
+            .iter()
+            .filter_map(|(_, s)| s.last())
+            .map(|s| s.0)
+            .max()?;
+        let (south, north) = (self.rows.first()?.0, self.rows.last()?.0);
+        Some(Rect {
+            min: [west * self.square, south * self.square],
+            max: [(east + 1) * self.square, (north + 1) * self.square],
+        })
+    }
+
+    /// Points in the squares that `rect` touches.
+    fn touching(&self, rect: &Rect) -> u64 {
+        let low = rect.min.map(|c| c.div_euclid(self.square));
+        // The last square touched: the one that holds `max - 1`.
+        let high = rect.max.map(|c| (c - 1).div_euclid(self.square));
+        let first = self.rows.partition_point(|(row, _)| *row < low[1]);
+        self.rows[first..]
+            .iter()
+            .take_while(|(row, _)| *row <= high[1])
+            .map(|(_, squares)| {
+                let up_to = |column: i64| match squares.partition_point(|s| s.0 <= column) {
+                    0 => 0,
+                    n => squares[n - 1].1,
+                };
+                up_to(high[0]) - up_to(low[0] - 1)
+            })
+            .sum()
+    }
+}
+
+fn equal_tiles(counts: &Counts, bounds: Rect, edge: i64) -> Vec<Rect> {
+    // Whole counting squares, so that counts are exact; anchored at the origin,
+    // so that the tiling does not depend on the extent.
+    let edge = (edge + counts.square - 1) / counts.square * counts.square;
+    let first = bounds.min.map(|c| c.div_euclid(edge));
+    let last = bounds.max.map(|c| (c - 1).div_euclid(edge));
+    let mut cores = Vec::new();
+    for row in first[1]..=last[1] {
+        let strip = Rect {
+            min: [bounds.min[0], row * edge],
+            max: [bounds.max[0], (row + 1) * edge],
+        };
+        if counts.touching(&strip) == 0 {
+            continue;
+        }
+        for column in first[0]..=last[0] {
+            let core = Rect {
+                min: [column * edge, row * edge],
+                max: [(column + 1) * edge, (row + 1) * edge],
+            };
+            if counts.touching(&core) > 0 {
+                cores.push(core);
+            }
+        }
+    }
+    cores
+}
+
+fn split(
+    counts: &Counts,
+    core: Rect,
+    options: &PlanOptions,
+    cores: &mut Vec<Rect>,
+) -> Result<(), TileError> {
+    if counts.touching(&core) == 0 {
+        return Ok(());
+    }
+    let seen = counts.touching(&core.grown(options.halo));
+    if seen <= options.most_points {
+        cores.push(core);
+        return Ok(());
+    }
+    let Some([near, far]) = best_cut(counts, core, options.halo) else {
+        return Err(TileError::TooDense {
+            edge: counts.square,
+            points: seen,
+            allowed: options.most_points,
+        });
+    };
+    split(counts, near, options, cores)?;
+    split(counts, far, options, cores)
+}
+
+/// Of cuts along both axes the one whose parts see the fewest points, evenly.
+fn best_cut(counts: &Counts, core: Rect, halo: i64) -> Option<[Rect; 2]> {
+    let mut best: Option<(u64, [Rect; 2])> = None;
+    for axis in 0..2 {
+        let squares = (core.max[axis] - core.min[axis]) / counts.square;
+        let cuts = CUTS.min(squares - 1);
+        for cut in 1..=cuts {
+            let at = core.min[axis] + squares * cut / (cuts + 1) * counts.square;
+            if at <= core.min[axis] || at >= core.max[axis] {
+                continue;
+            }
+            let mut parts = [core; 2];
+            parts[0].max[axis] = at;
+            parts[1].min[axis] = at;
+            let [near, far] = parts.map(|part| match counts.touching(&part) {
+                0 => 0,
+                _ => counts.touching(&part.grown(halo)),
+            });
+            let cost = near + far + near.abs_diff(far) / 2;
+            if best.is_none_or(|(least, _)| cost < least) {
+                best = Some((cost, parts));
+            }
+        }
+    }
+    best.map(|(_, parts)| parts)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn counts(squares: &[([i64; 2], u64)], square: i64) -> Counts {
+        let mut merged = std::collections::BTreeMap::new();
+        for &(place, count) in squares {
+            *merged.entry(place).or_insert(0) += count;
+        }
+        Counts::new(merged.into_iter(), square)
+    }
+
+    fn options(halo: i64, most_points: u64) -> PlanOptions {
+        PlanOptions {
+            halo,
+            tile_edge: None,
+            most_points,
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn every_square_is_at_home_in_one_tile_that_fits(
+            squares in prop::collection::vec(((-50i64..50, -50i64..50), 1u64..100), 1..200),
+            halo in 0i64..80,
+            edge in prop::option::of(1i64..400),
+        ) {
+            let squares: Vec<_> = squares.into_iter().map(|((x, y), n)| ([x, y], n)).collect();
+            let counts = counts(&squares, 10);
+            let bounds = counts.bounds().unwrap();
+            let most = 2000;
+            let mut cores = Vec::new();
+            match edge {
+                Some(edge) => cores = equal_tiles(&counts, bounds, edge),
+                None => {
+                    if split(&counts, bounds, &options(halo, most), &mut cores).is_err() {
+                        return Ok(());
+                    }
+                    for core in &cores {
+                        prop_assert!(counts.touching(&core.grown(halo)) <= most);
+                    }
+                }
+            }
+            for &([x, y], _) in &squares {
+                let square = Rect { min: [x * 10, y * 10], max: [x * 10 + 10, y * 10 + 10] };
+                prop_assert_eq!(cores.iter().filter(|c| c.covers(&square)).count(), 1);
+                prop_assert_eq!(cores.iter().filter(|c| c.intersects(&square)).count(), 1);
+            }
+            let total: u64 = squares.iter().map(|s| s.1).sum();
+            let sum: u64 = cores.iter().map(|c| counts.touching(c)).sum();
+            prop_assert_eq!(sum, total);
+            prop_assert!(cores.iter().all(|c| counts.touching(c) > 0));
+        }
+
+        #[test]
+        fn counts_match_a_sum_over_all_squares(
+            squares in prop::collection::vec(((-20i64..20, -20i64..20), 1u64..100), 1..100),
+            west in -300i64..300, south in -300i64..300, width in 1i64..300, height in 1i64..300,
+        ) {
+            let squares: Vec<_> = squares.into_iter().map(|((x, y), n)| ([x, y], n)).collect();
+            let rect = Rect { min: [west, south], max: [west + width, south + height] };
+            let truth: u64 = squares
+                .iter()
+                .filter(|([x, y], _)| {
+                    let square = Rect { min: [x * 10, y * 10], max: [x * 10 + 10, y * 10 + 10] };
+                    square.intersects(&rect)
+                })
+                .map(|s| s.1)
+                .sum();
+            prop_assert_eq!(counts(&squares, 10).touching(&rect), truth);
+        }
+    }
+
+    #[test]
+    fn a_square_that_does_not_fit_is_named_with_its_numbers() {
+        let counts = counts(&[([0, 0], 900), ([1, 0], 5)], 10);
+        let error = split(
+            &counts,
+            counts.bounds().unwrap(),
+            &options(3, 500),
+            &mut Vec::new(),
+        );
+        assert!(matches!(
+            error,
+            Err(TileError::TooDense {
+                points: 905,
+                allowed: 500,
+                ..
+            })
+        ));
+    }
+
+    #[test]
+    fn a_long_street_becomes_a_row_of_tiles() {
+        let street: Vec<([i64; 2], u64)> = (0..400).map(|x| ([x, x % 2], 10)).collect();
+        let counts = counts(&street, 10);
+        let mut cores = Vec::new();
+        split(
+            &counts,
+            counts.bounds().unwrap(),
+            &options(50, 600),
+            &mut cores,
+        )
+        .unwrap();
+        assert!(cores.len() >= 8 && cores.len() <= 16, "{}", cores.len());
+        assert!(cores.iter().all(|c| c.max[1] - c.min[1] == 20));
+    }
+}

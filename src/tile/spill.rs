@@ -1,0 +1,299 @@
+//! The spill: every point of the input, by cell, and the index that finds them.
+//!
+//! `spill.bin` is records and nothing else. `spill.index` is written once it is
+//! complete:
+//!
+//! ```text
+//!   magic, edge, record length, bytes, chunks, cells    6 × u64
+//!   bounds: min and max of x, y, z                      6 × i32
+//!   chunks, by cell: row, column, offset, bytes         24 bytes each
+//!   cells: row, column, points of each counting square  8 + 64 × 4 bytes each
+//!   checksum of all before                              u64
+//! ```
+
+use std::path::{Path, PathBuf};
+
+use super::{
+    CellGrid, CellKey, TileError,
+    grid::SQUARES,
+    solved::{checksum, write_aside},
+};
+use crate::geometry::{Rect, Stored};
+
+const MAGIC: u64 = u64::from_le_bytes(*b"llspill1");
+
+/// Points of every counting square of a cell, row by row.
+pub(super) type SquareCounts = [u32; (SQUARES * SQUARES) as usize];
+
+/// Records of one cell that lie together in the spill.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Chunk {
+    pub(super) cell: CellKey,
+    pub(super) offset: u64,
+    pub(super) bytes: u64,
+}
+
+/// The true bounds of the points, in stored units; inverted if there are none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bounds {
+    /// Smallest coordinates.
+    pub min: [i32; 3],
+    /// Largest coordinates.
+    pub max: [i32; 3],
+}
+
+impl Bounds {
+    pub(super) fn empty() -> Self {
+        Self {
+            min: [i32::MAX; 3],
+            max: [i32::MIN; 3],
+        }
+    }
+
+    pub(super) fn grow(&mut self, point: Stored) {
+        for (axis, c) in [point.x, point.y, point.z].into_iter().enumerate() {
+            self.min[axis] = self.min[axis].min(c);
+            self.max[axis] = self.max[axis].max(c);
+        }
+    }
+
+    /// The longest side in stored units; 0 if there are no points.
+    pub fn extent(&self) -> i64 {
+        (0..3)
+            .map(|axis| i64::from(self.max[axis]) - i64::from(self.min[axis]))
+            .fold(0, i64::max)
+    }
+}
+
+/// What is known of a complete spill.
+#[derive(Debug)]
+pub(super) struct Index {
+    pub(super) grid: CellGrid,
+    pub(super) record_length: usize,
+    pub(super) bytes: u64,
+    pub(super) bounds: Bounds,
+    pub(super) chunks: Vec<Chunk>,
+    pub(super) counts: Vec<(CellKey, Box<SquareCounts>)>,
+}
+
+pub(super) fn spill_path(dir: &Path) -> PathBuf {
+    dir.join("spill.bin")
+}
+
+fn index_path(dir: &Path) -> PathBuf {
+    dir.join("spill.index")
+}
+
+/// A complete spill.
+#[derive(Debug)]
+pub struct Spill {
+    pub(super) path: PathBuf,
+    pub(super) index: Index,
+    points: u64,
+}
+
+impl Spill {
+    /// Whether the directory `dir` holds a complete spill.
+    pub fn is_complete(dir: &Path) -> bool {
+        index_path(dir).exists()
+    }
+
+    /// Opens the spill in `dir`.
+    ///
+    /// # Errors
+    ///
+    /// [`TileError::Io`] if it cannot be read, [`TileError::Damaged`] if index
+    /// and records are not what was written.
+    pub fn open(dir: &Path) -> Result<Self, TileError> {
+        let index_path = index_path(dir);
+        let bytes = std::fs::read(&index_path)
+            .map_err(|source| TileError::io("read", &index_path, source))?;
+        let index = Index::decode(&bytes).ok_or_else(|| TileError::damaged(&index_path))?;
+        let path = spill_path(dir);
+        let length = std::fs::metadata(&path)
+            .map_err(|source| TileError::io("read", &path, source))?
+            .len();
+        if length != index.bytes {
+            return Err(TileError::damaged(&path));
+        }
+        let points = index
+            .counts
+            .iter()
+            .flat_map(|(_, squares)| squares.iter())
+            .map(|&count| u64::from(count))
+            .sum();
+        Ok(Self {
+            path,
+            index,
+            points,
+        })
+    }
+
+    /// Number of points.
+    pub fn points(&self) -> u64 {
+        self.points
+    }
+
+    /// True bounds of the points.
+    pub fn bounds(&self) -> Bounds {
+        self.index.bounds
+    }
+
+    /// Length of a record in bytes.
+    pub fn record_length(&self) -> usize {
+        self.index.record_length
+    }
+
+    /// The grid that the points were spilled by.
+    pub fn grid(&self) -> CellGrid {
+        self.index.grid
+    }
+
+    /// Bytes on disk, records and index.
+    pub fn bytes(&self) -> u64 {
+        self.index.bytes
+            + 24 * self.index.chunks.len() as u64
+            + (8 + 4 * 64) * self.index.counts.len() as u64
+    }
+
+    /// The occupied counting squares, by their south-west corner in units of
+    /// squares, and the points in each; in a fixed order.
+    pub fn squares(&self) -> impl Iterator<Item = ([i64; 2], u64)> + '_ {
+        self.index.counts.iter().flat_map(|(cell, squares)| {
+            let corner = [cell.column, cell.row].map(|c| i64::from(c) * SQUARES);
+            (0..)
+                .zip(squares.iter())
+                .filter(|&(_, &count)| count > 0)
+                .map(move |(place, &count): (i64, &u32)| {
+                    (
+                        [corner[0] + place % SQUARES, corner[1] + place / SQUARES],
+                        u64::from(count),
+                    )
+                })
+        })
+    }
+
+    /// The chunks of the cells that `rect` touches, in the order of the file.
+    pub(super) fn chunks(&self, rect: &Rect) -> Vec<Chunk> {
+        let mut chunks: Vec<Chunk> = self
+            .index
+            .chunks
+            .iter()
+            .filter(|chunk| self.index.grid.rect(chunk.cell).intersects(rect))
+            .copied()
+            .collect();
+        chunks.sort_unstable_by_key(|chunk| chunk.offset);
+        chunks
+    }
+}
+
+impl Index {
+    pub(super) fn write(&self, dir: &Path) -> Result<(), TileError> {
+        let mut out = Vec::new();
+        for number in [
+            MAGIC,
+            self.grid.edge() as u64,
+            self.record_length as u64,
+            self.bytes,
+            self.chunks.len() as u64,
+            self.counts.len() as u64,
+        ] {
+            out.extend(number.to_le_bytes());
+        }
+        for c in self.bounds.min.iter().chain(&self.bounds.max) {
+            out.extend(c.to_le_bytes());
+        }
+        for chunk in &self.chunks {
+            out.extend(chunk.cell.row.to_le_bytes());
+            out.extend(chunk.cell.column.to_le_bytes());
+            out.extend(chunk.offset.to_le_bytes());
+            out.extend(chunk.bytes.to_le_bytes());
+        }
+        for (cell, squares) in &self.counts {
+            out.extend(cell.row.to_le_bytes());
+            out.extend(cell.column.to_le_bytes());
+            for count in squares.iter() {
+                out.extend(count.to_le_bytes());
+            }
+        }
+        let sum = checksum(&out);
+        out.extend(sum.to_le_bytes());
+        let path = index_path(dir);
+        write_aside(&path, &out).map_err(|source| TileError::io("write", &path, source))
+    }
+
+    fn decode(bytes: &[u8]) -> Option<Self> {
+        let (content, sum) = bytes.split_at_checked(bytes.len().checked_sub(8)?)?;
+        if checksum(content).to_le_bytes() != sum {
+            return None;
+        }
+        let mut rest = Reader(content);
+        if rest.u64()? != MAGIC {
+            return None;
+        }
+        let edge = i64::try_from(rest.u64()?).ok()?;
+        let record_length = usize::try_from(rest.u64()?).ok()?;
+        let total = rest.u64()?;
+        let (chunks, cells) = (rest.u64()?, rest.u64()?);
+        let mut bounds = Bounds::empty();
+        for c in bounds.min.iter_mut().chain(&mut bounds.max) {
+            *c = rest.i32()?;
+        }
+        let mut index = Self {
+            grid: CellGrid::new(edge),
+            record_length,
+            bytes: total,
+            bounds,
+            chunks: Vec::new(),
+            counts: Vec::new(),
+        };
+        for _ in 0..chunks {
+            let cell = rest.cell()?;
+            let (offset, bytes) = (rest.u64()?, rest.u64()?);
+            let whole = record_length >= 12 && bytes % record_length as u64 == 0;
+            if !whole || offset.checked_add(bytes)? > total {
+                return None;
+            }
+            index.chunks.push(Chunk {
+                cell,
+                offset,
+                bytes,
+            });
+        }
+        for _ in 0..cells {
+            let cell = rest.cell()?;
+            let mut squares = Box::new([0; (SQUARES * SQUARES) as usize]);
+            for count in squares.iter_mut() {
+                *count = rest.i32()? as u32;
+            }
+            index.counts.push((cell, squares));
+        }
+        (index.grid.edge() == edge && rest.0.is_empty()).then_some(index)
+    }
+}
+
+/// Takes numbers from the front of a slice, as long as there are any.
+struct Reader<'a>(&'a [u8]);
+
+impl Reader<'_> {
+    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let (first, rest) = self.0.split_first_chunk()?;
+        self.0 = rest;
+        Some(*first)
+    }
+
+    fn u64(&mut self) -> Option<u64> {
+        self.take().map(u64::from_le_bytes)
+    }
+
+    fn i32(&mut self) -> Option<i32> {
+        self.take().map(i32::from_le_bytes)
+    }
+
+    fn cell(&mut self) -> Option<CellKey> {
+        Some(CellKey {
+            row: self.i32()?,
+            column: self.i32()?,
+        })
+    }
+}
