@@ -4,5 +4,6 @@ pub mod config;
 pub mod geometry;
 pub mod las;
 pub mod lloyd;
+pub mod pipeline;
 pub mod quality;
 pub mod tile;

@@ -1,3 +1,15 @@
-//! The command line of lloydar.
+//! The command line of lloydar: the only place that prints and exits.
 
-fn main() {}
+#![expect(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "the one place that prints"
+)]
+
+mod cli;
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    cli::main()
+}

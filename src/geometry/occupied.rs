@@ -4,6 +4,8 @@
 //! cost nothing: the occupied ones are found through a hash table with open
 //! addressing.
 
+use rayon::prelude::*;
+
 use super::Local;
 
 /// Where a cell lies: whole cells from the local origin.
@@ -40,7 +42,7 @@ impl OccupiedCells {
     /// each axis (a tile does).
     pub fn sort<T: Ord>(
         cells_of_points: impl ExactSizeIterator<Item = CellIndex> + Clone,
-        tie: impl Fn(u32) -> T,
+        tie: impl Fn(u32) -> T + Sync,
     ) -> (Self, Vec<u32>) {
         let count = u32::try_from(cells_of_points.len()).expect("a tile has under 2^32 points");
         let mut base = [i32::MAX; 3];
@@ -56,7 +58,7 @@ impl OccupiedCells {
                 (key, place)
             })
             .collect();
-        keyed.sort_unstable_by(|&(a, i), &(b, j)| {
+        keyed.par_sort_unstable_by(|&(a, i), &(b, j)| {
             a.cmp(&b).then_with(|| tie(i).cmp(&tie(j))).then(i.cmp(&j))
         });
         let mut cells: Vec<u64> = Vec::new();

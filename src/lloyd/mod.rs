@@ -29,5 +29,5 @@ mod step;
 pub use acceleration::Acceleration;
 pub use restriction::Restriction;
 pub use scan::Scan;
-pub use seeds::{AREA_PER_SEED, ELECTION_RADIUS, SeedRule, Seeds, elect};
+pub use seeds::{AREA_PER_SEED, ELECTION_RADIUS, SeedRule, Seeds, elect, elected_in};
 pub use solver::{DistanceSums, Domain, FIT_RADIUS, Options, Site, Solution, solve};

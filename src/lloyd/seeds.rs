@@ -24,7 +24,7 @@ use super::{
     scan::priority,
     step::{Neighborhoods, local_patch},
 };
-use crate::geometry::{Cell, CellIndex, Local, Stored, cell_of, spread};
+use crate::geometry::{Cell, CellIndex, Local, Rect, Stored, cell_of, spread};
 
 /// Radius of the Poisson-disk election, in spacings.
 ///
@@ -88,7 +88,7 @@ fn from_points(scan: &Scan, mut identities: Vec<Stored>) -> Seeds {
 }
 
 /// Poisson-disk election with discs of `radius` (CRS units).
-pub(crate) fn poisson(scan: &Scan, radius: f64, seed: u64) -> Vec<Stored> {
+fn poisson(scan: &Scan, radius: f64, seed: u64) -> Vec<Stored> {
     let mut elected = Elected::new(scan.lattice().scale, radius);
     for round in 0..=ROUNDS {
         // Candidates: of each voxel the first point that is not covered.
@@ -111,6 +111,15 @@ pub(crate) fn poisson(scan: &Scan, radius: f64, seed: u64) -> Vec<Stored> {
         }
     }
     elected.seeds
+}
+
+/// Number of Poisson-disk seeds at `spacing` (CRS units) whose points lie in
+/// `part`.
+pub fn elected_in(scan: &Scan, spacing: f64, seed: u64, part: &Rect) -> usize {
+    poisson(scan, ELECTION_RADIUS * spacing, seed)
+        .into_iter()
+        .filter(|&point| part.contains(point))
+        .count()
 }
 
 /// Each point with the same probability, as many as the run's count asks for.

@@ -67,7 +67,7 @@ mod tests {
     use super::*;
     use crate::{
         geometry::spread,
-        tile::{CellGrid, ScatterOptions, Source, SourceError, scatter},
+        tile::{CellGrid, Opener, ScatterOptions, Source, SourceError, scatter},
     };
 
     struct Batches(std::vec::IntoIter<Vec<u8>>);
@@ -93,11 +93,12 @@ mod tests {
     }
 
     fn spilled(records: &[Vec<u8>], edge: i64, threads: usize, dir: &std::path::Path) -> Spill {
-        let sources: Vec<Box<dyn Source>> = records
+        let sources: Vec<Opener<'_>> = records
             .chunks(records.len() / 5 + 1)
             .map(|part| {
                 let batches: Vec<Vec<u8>> = part.chunks(97).map(<[_]>::concat).collect();
-                Box::new(Batches(batches.into_iter())) as Box<dyn Source>
+                Box::new(|| Ok(Box::new(Batches(batches.into_iter())) as Box<dyn Source>))
+                    as Opener<'_>
             })
             .collect();
         let options = ScatterOptions {

@@ -22,7 +22,7 @@ mod stitch;
 
 pub use grid::{CellGrid, CellKey};
 pub use plan::{Plan, PlanOptions, Tile};
-pub use scatter::{ScatterOptions, Scattered, Source, SourceError, scatter};
+pub use scatter::{Opener, ScatterOptions, Scattered, Source, SourceError, scatter};
 pub use solved::{SolvedSite, SolvedTile, solved_path};
 pub use spill::{Bounds, Spill};
 pub use stitch::{Guest, SeamTally, blend};

@@ -34,8 +34,12 @@ use super::{
 /// Why a source failed: said by the source, passed on as it is.
 pub type SourceError = Box<dyn std::error::Error + Send + Sync>;
 
+/// Opens a source, in the thread that reads it: five hundred inputs are not open
+/// at once.
+pub type Opener<'a> = Box<dyn FnOnce() -> Result<Box<dyn Source + 'a>, SourceError> + Send + 'a>;
+
 /// A stream of records.
-pub trait Source: Send {
+pub trait Source {
     /// Replaces `records` by the next ones and returns how many; 0 at the end.
     ///
     /// # Errors
@@ -88,7 +92,7 @@ struct Batch {
 /// spill cannot be written, [`TileError::Cancelled`] soon after `cancel` is
 /// set. The spill is then of no use.
 pub fn scatter(
-    sources: Vec<Box<dyn Source + '_>>,
+    sources: Vec<Opener<'_>>,
     grid: CellGrid,
     dir: &Path,
     options: ScatterOptions,
@@ -116,9 +120,9 @@ pub fn scatter(
                         .lock()
                         .unwrap_or_else(std::sync::PoisonError::into_inner)
                         .next();
-                    let Some((number, source)) = next else { return };
+                    let Some((number, open)) = next else { return };
                     let stop = || failed.load(Ordering::Relaxed) || cancel.load(Ordering::Relaxed);
-                    if let Err(error) = decode(number, source, grid, options, &sender, &stop) {
+                    if let Err(error) = decode(number, open, grid, options, &sender, &stop) {
                         failed.store(true, Ordering::Relaxed);
                         // If the writer is gone it has an error of its own.
                         drop(sender.send(Err(error)));
@@ -152,12 +156,13 @@ pub fn scatter(
 
 fn decode(
     number: usize,
-    mut source: Box<dyn Source + '_>,
+    open: Opener<'_>,
     grid: CellGrid,
     options: ScatterOptions,
     sender: &channel::Sender<Result<Batch, SourceError>>,
     stop: &dyn Fn() -> bool,
 ) -> Result<(), SourceError> {
+    let mut source = open()?;
     let mut records = Vec::new();
     while !stop() && source.next_batch(&mut records)? > 0 {
         if sender

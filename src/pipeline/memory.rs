@@ -1,0 +1,146 @@
+//! How much memory there is, and how much was used.
+
+use std::{fs, path::Path};
+
+/// The memory that this process may use, in bytes: the tightest limit of its
+/// cgroup and all that contain it, or the machine's if that is less; `None`
+/// where the system does not tell.
+pub fn memory_limit() -> Option<u64> {
+    let machine = proc_kib("/proc/meminfo", "MemTotal:");
+    let cgroups = fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
+    let limits = cgroups.lines().flat_map(|line| {
+        let mut fields = line.splitn(3, ':');
+        let (_, controllers, path) = (fields.next(), fields.next(), fields.next());
+        let (root, file) = match controllers {
+            Some("") => ("/sys/fs/cgroup", "memory.max"),
+            Some(list) if list.split(',').any(|c| c == "memory") => {
+                ("/sys/fs/cgroup/memory", "memory.limit_in_bytes")
+            }
+            _ => return Vec::new(),
+        };
+        let inside = path.unwrap_or("/").trim_start_matches('/');
+        Path::new(inside)
+            .ancestors()
+            .filter_map(|group| {
+                let limit = Path::new(root).join(group).join(file);
+                fs::read_to_string(limit).ok()?.trim().parse::<u64>().ok()
+            })
+            .collect()
+    });
+    limits.chain(machine).min()
+}
+
+/// The most memory that this process has held so far, in bytes, mapped pages
+/// included (`VmHWM`); `None` where the system does not tell.
+pub fn peak_resident() -> Option<u64> {
+    proc_kib("/proc/self/status", "VmHWM:")
+}
+
+fn proc_kib(file: &str, key: &str) -> Option<u64> {
+    let text = fs::read_to_string(file).ok()?;
+    let line = text.lines().find(|line| line.starts_with(key))?;
+    let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kib * 1024)
+}
+
+/// Memory of program, threads and small things, whatever the job: measured on
+/// a job of a few points.
+const BASE: u64 = 48 << 20;
+/// Memory of a decoder with its batches: LAZ models, raw and converted points,
+/// what waits for the writer.
+const PER_DECODER: u64 = 16 << 20;
+/// Memory for each point that a tile sees (measured; the sort of the scan is
+/// the peak).
+const PER_POINT: f64 = 56.0;
+/// Memory for each voxel of a tile's scan: sample, table, order.
+const PER_VOXEL: f64 = 112.0;
+/// Voxels to a seed, at most: nine of a plane that lies in the lattice, twice
+/// as many of one that crosses it.
+const VOXELS_PER_SEED: f64 = 20.0;
+/// Memory for each seed of a tile: states, steps, cells, histories.
+const PER_SEED: f64 = 1700.0;
+/// A tile is solved while the next one is read.
+const TILES_AT_ONCE: f64 = 2.0;
+/// The allocator does not give everything back at once.
+const USABLE: f64 = 0.85;
+/// No tile larger than this, whatever the budget: a tile is what a stopped job
+/// loses.
+const MOST_POINTS: u64 = 16 << 20;
+
+/// The job's memory, shared out.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Budget {
+    pub(super) total: u64,
+    pub(super) threads: usize,
+}
+
+impl Budget {
+    /// What `--memory` says, or three quarters of what there is.
+    pub(super) fn new(asked: Option<u64>, threads: usize) -> Self {
+        let by_machine = || memory_limit().map_or(2 << 30, |limit| limit / 4 * 3);
+        Self {
+            total: asked.unwrap_or_else(by_machine),
+            threads,
+        }
+    }
+
+    /// Decoders that may work at once.
+    pub(super) fn decoders(&self) -> usize {
+        let affordable = (self.total.saturating_sub(BASE) / 2 / PER_DECODER) as usize;
+        self.threads.min(affordable).max(1)
+    }
+
+    /// Bytes for the buffers of the scatter.
+    pub(super) fn buffers(&self) -> usize {
+        (self.total / 8).clamp(4 << 20, 256 << 20) as usize
+    }
+
+    /// Points that a tile may see if every point becomes `seeds_per_point`
+    /// seeds.
+    pub(super) fn points_per_tile(&self, seeds_per_point: f64) -> u64 {
+        let bytes = self.total.saturating_sub(BASE) as f64 * USABLE / TILES_AT_ONCE;
+        ((bytes / bytes_per_point(seeds_per_point)) as u64).min(MOST_POINTS)
+    }
+
+    /// The budget with which a tile of `points` would fit.
+    pub(super) fn needed_for(&self, points: u64, seeds_per_point: f64) -> u64 {
+        let bytes = points as f64 * bytes_per_point(seeds_per_point) * TILES_AT_ONCE / USABLE;
+        BASE + bytes as u64
+    }
+
+    /// The least budget with which any job is tried.
+    pub(super) fn least(&self) -> u64 {
+        BASE + 2 * PER_DECODER + (16 << 20)
+    }
+}
+
+fn bytes_per_point(seeds_per_point: f64) -> f64 {
+    let seeds = seeds_per_point.clamp(0.0, 1.0);
+    let voxels = (seeds * VOXELS_PER_SEED).min(1.0);
+    PER_POINT + PER_VOXEL * voxels + PER_SEED * seeds
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tile_that_was_planned_fits_its_budget() {
+        for total in [256 << 20, 1 << 30] {
+            let budget = Budget { total, threads: 2 };
+            for seeds in [0.001, 0.02, 0.5] {
+                let points = budget.points_per_tile(seeds);
+                assert!(points < MOST_POINTS);
+                assert!(budget.needed_for(points, seeds) <= total);
+                assert!(budget.needed_for(2 * points, seeds) > total);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_used_is_within_what_there_is() {
+        if let (Some(limit), Some(used)) = (memory_limit(), peak_resident()) {
+            assert!(used > 0 && used <= limit);
+        }
+    }
+}

@@ -1,0 +1,25 @@
+//! The job: stages, threads, budget, resume.
+//!
+//! ```text
+//!   survey ─► scatter ─► spacing ─► plan ─► solve ─► stitch ─► write ─► report
+//! ```
+//!
+//! Each stage leaves files in the job directory that the next one reads, and
+//! that a later run of the same job finds: what is done is not done again.
+
+mod error;
+mod job;
+mod memory;
+mod progress;
+mod solving;
+mod spacing;
+mod survey;
+mod writing;
+
+pub use error::JobError;
+pub use job::{InputCount, Job, JobPlan, Outcome, StageCost, default_directory};
+pub use memory::{memory_limit, peak_resident};
+pub use progress::{Progress, Quiet, Unit};
+pub use solving::TileFigures;
+pub use survey::Survey;
+pub use writing::Stitched;

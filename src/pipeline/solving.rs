@@ -1,0 +1,222 @@
+//! One tile, alone: from the spill to a solved tile and its figures.
+
+use std::{
+    collections::{BTreeMap, HashMap},
+    path::{Path, PathBuf},
+};
+
+use serde::{Deserialize, Serialize};
+
+use super::JobError;
+use crate::{
+    geometry::{Lattice, Local, NeighborGrid, Rect, Stored},
+    lloyd::{DistanceSums, Domain, Options, Scan, Site, solve},
+    quality::{CellFigures, DistanceTally, UniformityTally},
+    tile::{Plan, SolvedSite, SolvedTile, Spill, Tile},
+};
+
+/// Width of the band in which neighbouring tiles are compared and blended, in
+/// spacings.
+pub(super) const BAND: f64 = 4.0;
+
+/// How far an input point is looked for around an output point, and the other
+/// way round, in spacings.
+const FARTHEST: f64 = 8.0;
+
+/// The figures of one tile. Lengths are CRS units.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct TileFigures {
+    /// The tile.
+    pub tile: Tile,
+    /// Seconds that it took, from its points to its file.
+    pub seconds: f64,
+    /// Sites of the core.
+    pub sites: u64,
+    /// Of those, sites left where they were elected.
+    pub held: u64,
+    /// Of those, sites that the tile saw all of what matters to.
+    pub exact: u64,
+    /// Uniformity of the seeds.
+    pub seeds: UniformityTally,
+    /// Uniformity of the sites.
+    pub uniformity: UniformityTally,
+    /// Sites to their nearest input point.
+    pub accuracy: DistanceTally,
+    /// Input points to their nearest site.
+    pub coverage: DistanceTally,
+    /// Nearest distances at the start of every iteration, and at the end.
+    pub convergence: Vec<DistanceSums>,
+}
+
+/// The name of the figures of tile `tile` in the job directory `dir`.
+pub(super) fn figures_path(dir: &Path, tile: u32) -> PathBuf {
+    dir.join(format!("tile-{tile:06}.json"))
+}
+
+/// A tile that has been read.
+pub(super) struct Loaded {
+    pub(super) tile: Tile,
+    known: Rect,
+    scan: Scan,
+}
+
+/// Reads the points that `tile` sees.
+pub(super) fn load(
+    spill: &Spill,
+    plan: &Plan,
+    tile: Tile,
+    lattice: Lattice,
+    options: &Options,
+) -> Result<Loaded, JobError> {
+    let known = tile.core.grown(plan.halo);
+    let mut points: Vec<Stored> =
+        Vec::with_capacity(usize::try_from(tile.points_seen).unwrap_or(0));
+    spill.gather(&known, |record| points.push(crate::tile::stored(record)))?;
+    let scan = Scan::new(
+        points,
+        lattice,
+        options.spacing,
+        options.fit_radius,
+        options.seed,
+    );
+    Ok(Loaded { tile, known, scan })
+}
+
+/// Solves a tile: its result, and its figures but for the time.
+pub(super) fn solve_tile(
+    spill: &Spill,
+    loaded: Loaded,
+    options: &Options,
+) -> Result<(SolvedTile, TileFigures), JobError> {
+    let Loaded { tile, known, scan } = loaded;
+    let lattice = *scan.lattice();
+    let core = tile.core;
+    let domain = Domain {
+        known,
+        core,
+        band: lattice.units(BAND * options.spacing),
+    };
+    let solution = solve(&scan, &domain, options);
+    let (own, band): (Vec<Site>, Vec<Site>) = solution
+        .sites
+        .iter()
+        .partition(|site| core.contains(site.identity));
+
+    let mut figures = TileFigures {
+        tile,
+        seconds: 0.0,
+        sites: own.len() as u64,
+        held: own.iter().filter(|s| s.is_held).count() as u64,
+        exact: own.iter().filter(|s| s.is_exact).count() as u64,
+        seeds: uniformity(&solution.seeds, &core, options.spacing),
+        uniformity: uniformity(&solution.sites, &core, options.spacing),
+        accuracy: DistanceTally::new(options.spacing),
+        coverage: coverage(&scan, &solution.sites, &core, options.spacing),
+        convergence: solution.convergence,
+    };
+    let records = nearest_records(spill, &scan, &own, &known, options.spacing, &mut figures)?;
+    let brief = |sites: Vec<Site>| -> Vec<SolvedSite> {
+        sites
+            .into_iter()
+            .map(|site| SolvedSite {
+                identity: site.identity,
+                position: site.position,
+                is_exact: site.is_exact,
+            })
+            .collect()
+    };
+    let solved = SolvedTile {
+        core: brief(own),
+        band: brief(band),
+        records,
+        record_length: spill.record_length(),
+    };
+    Ok((solved, figures))
+}
+
+/// Nearest distances and closed cells of the sites of the core.
+fn uniformity(sites: &[Site], core: &Rect, spacing: f64) -> UniformityTally {
+    let positions: Vec<Local> = sites.iter().map(|site| site.position).collect();
+    let grid = NeighborGrid::new(&positions, spacing);
+    let mut tally = UniformityTally::new(spacing);
+    for (index, site) in (0u32..).zip(sites) {
+        if !core.contains(site.identity) {
+            continue;
+        }
+        let nearest = grid.nearest(site.position, BAND * spacing, |other| other == index);
+        if let Some((_, squared)) = nearest {
+            tally.push_distance(squared.sqrt());
+        }
+        if site.is_closed && !site.is_held {
+            tally.push_cell(CellFigures {
+                area: site.area,
+                energy: site.energy,
+                neighbors: site.neighbors,
+            });
+        }
+    }
+    tally
+}
+
+/// From an even choice of the input's points in the core to the nearest site.
+fn coverage(scan: &Scan, sites: &[Site], core: &Rect, spacing: f64) -> DistanceTally {
+    let positions: Vec<Local> = sites.iter().map(|site| site.position).collect();
+    let grid = NeighborGrid::new(&positions, spacing);
+    let mut tally = DistanceTally::new(spacing);
+    for point in scan.representatives().filter(|&point| core.contains(point)) {
+        let place = scan.lattice().local(point);
+        let nearest = grid.nearest(place, FARTHEST * spacing, |_| false);
+        tally.push(nearest.map_or(FARTHEST * spacing, |(_, squared)| squared.sqrt()));
+    }
+    tally
+}
+
+/// For every site the whole record of the input point nearest to where it will
+/// be stored. Of points at one place the one with the smallest record stands
+/// for all, whatever the order in which they were read.
+fn nearest_records(
+    spill: &Spill,
+    scan: &Scan,
+    sites: &[Site],
+    known: &Rect,
+    spacing: f64,
+    figures: &mut TileFigures,
+) -> Result<Vec<u8>, JobError> {
+    let lattice = scan.lattice();
+    let length = spill.record_length();
+    let mut wanted: HashMap<Stored, Vec<usize>> = HashMap::new();
+    for (number, site) in sites.iter().enumerate() {
+        // What is written is what is measured.
+        let place = lattice
+            .stored(site.position)
+            .map_or(site.position, |stored| lattice.local(stored));
+        let (nearest, distance) = scan
+            .nearest(place, FARTHEST * spacing)
+            .unwrap_or((site.identity, FARTHEST * spacing));
+        figures.accuracy.push(distance);
+        wanted.entry(nearest).or_default().push(number);
+    }
+    let mut smallest: BTreeMap<Stored, Vec<u8>> = BTreeMap::new();
+    spill.gather(known, |record| {
+        let point = crate::tile::stored(record);
+        if wanted.contains_key(&point) {
+            smallest
+                .entry(point)
+                .and_modify(|known| {
+                    if record < known.as_slice() {
+                        known.copy_from_slice(record);
+                    }
+                })
+                .or_insert_with(|| record.to_vec());
+        }
+    })?;
+    let mut records = vec![0; sites.len() * length];
+    for (point, numbers) in wanted {
+        if let Some(record) = smallest.get(&point) {
+            for number in numbers {
+                records[number * length..(number + 1) * length].copy_from_slice(record);
+            }
+        }
+    }
+    Ok(records)
+}

@@ -1,0 +1,139 @@
+//! One global spacing, from `--spacing`, `--count` or `--ratio`.
+//!
+//! How many seeds a spacing gives depends on the surfaces, which nobody knows
+//! before. So it is tried: seeds are elected on a sample of counting squares
+//! (all of them if there are few points), and the spacing is moved until the
+//! count is met. The sample depends on the input alone, not on tiles, threads
+//! or memory.
+
+use super::JobError;
+use crate::{
+    config::Settings,
+    geometry::{Lattice, Rect, Stored},
+    lloyd::{AREA_PER_SEED, ELECTION_RADIUS, Scan, elected_in},
+    tile::Spill,
+};
+
+/// Points to elect from, about; more would not move the count by one in a
+/// hundred.
+const SAMPLE_POINTS: u64 = 3_000_000;
+/// A count met this closely is met.
+const TOLERANCE: f64 = 0.004;
+/// Tries; three are usual.
+const TRIES: u32 = 12;
+
+/// The spacing (CRS units) that gives about `count` seeds on the points of
+/// `spill`.
+pub(super) fn for_count(
+    spill: &Spill,
+    lattice: &Lattice,
+    settings: &Settings,
+    count: u64,
+) -> Result<f64, JobError> {
+    if count > spill.points() {
+        return Err(JobError::Refused(format!(
+            "--count {count} is more than the {} points of the scan can carry; ask for fewer, or \
+             for a --spacing",
+            spill.points()
+        )));
+    }
+    let extent = spill.bounds().extent() as f64 * lattice.scale;
+    if extent == 0.0 {
+        return Err(JobError::Refused(
+            "all points of the scan are equal: there is no spacing between them".into(),
+        ));
+    }
+    let squares: Vec<([i64; 2], u64)> = spill.squares().collect();
+    let occupied = squares.len() as f64 * (spill.grid().square() as f64 * lattice.scale).powi(2);
+    // Were it a plane, and half as much again for what stands upright.
+    let guess = (1.5 * occupied / (AREA_PER_SEED * count as f64)).sqrt();
+    let mut spacing = guess.clamp(4.0 * lattice.scale, extent);
+
+    let mut tried: Vec<(f64, f64)> = Vec::new();
+    for _ in 0..TRIES {
+        let found = seeds(spill, lattice, settings, &squares, spacing)?;
+        let error = (found / count as f64).ln();
+        tried.push((spacing.ln(), error));
+        if error.abs() <= TOLERANCE {
+            return Ok(spacing);
+        }
+        spacing = next_try(&tried).exp().clamp(lattice.scale, 2.0 * extent);
+    }
+    let (best, error) = tried
+        .iter()
+        .copied()
+        .min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
+        .unwrap_or((spacing.ln(), 0.0));
+    if error < -0.05 {
+        return Err(JobError::Refused(format!(
+            "--count {count} is more than this scan can carry: at a spacing of {:.3e} it gives about \
+             {:.0} points; ask for fewer",
+            best.exp(),
+            count as f64 * error.exp()
+        )));
+    }
+    Ok(best.exp())
+}
+
+/// The next logarithm of a spacing: along the secant of the last two tries, or
+/// as if seeds went with the inverse square of the spacing.
+fn next_try(tried: &[(f64, f64)]) -> f64 {
+    let (last, error) = tried[tried.len() - 1];
+    let slope = match tried {
+        [.., (before, error_before), _] if (last - before).abs() > 1e-9 => {
+            (error - error_before) / (last - before)
+        }
+        _ => -2.0,
+    };
+    // Seeds fall with the spacing; anything else is noise of the sample.
+    last - error / slope.clamp(-3.0, -0.5)
+}
+
+/// Seeds elected at `spacing`, over all of the cloud.
+pub(super) fn seeds(
+    spill: &Spill,
+    lattice: &Lattice,
+    settings: &Settings,
+    squares: &[([i64; 2], u64)],
+    spacing: f64,
+) -> Result<f64, JobError> {
+    let whole = spill.points() <= SAMPLE_POINTS;
+    let margin = lattice.units(4.0 * ELECTION_RADIUS * spacing);
+    let every = spill.points().div_ceil(SAMPLE_POINTS) as usize;
+    let parts: Vec<Rect> = if whole {
+        let bounds = spill.bounds();
+        vec![Rect {
+            min: [bounds.min[0], bounds.min[1]].map(i64::from),
+            max: [bounds.max[0], bounds.max[1]].map(|c| i64::from(c) + 1),
+        }]
+    } else {
+        // Squares in a row are alike: every so-many-th is a fair sample.
+        squares
+            .iter()
+            .step_by(every)
+            .map(|(corner, _)| {
+                let min = corner.map(|c| c * spill.grid().square());
+                Rect {
+                    min,
+                    max: min.map(|c| c + spill.grid().square()),
+                }
+            })
+            .collect()
+    };
+    let mut total = 0;
+    for part in &parts {
+        let mut points: Vec<Stored> = Vec::new();
+        spill.gather(&part.grown(margin), |record| {
+            points.push(crate::tile::stored(record));
+        })?;
+        let fit_radius = settings.solver(spacing, 0.0).fit_radius;
+        let scan = Scan::new(points, *lattice, spacing, fit_radius, settings.seed);
+        total += elected_in(&scan, spacing, settings.seed, part);
+    }
+    let share = if whole {
+        1.0
+    } else {
+        parts.len() as f64 / squares.len() as f64
+    };
+    Ok(total as f64 / share)
+}

@@ -1,0 +1,212 @@
+//! Headers only: what there is, and whether it can be merged.
+
+use std::path::PathBuf;
+
+use rayon::prelude::*;
+
+use super::JobError;
+use crate::{
+    config::Target,
+    geometry::Lattice,
+    las::{Crs, InputFile, RecordFormat, expand_inputs},
+};
+
+/// What the headers of all inputs say, and what follows for the run.
+#[derive(Clone, Debug)]
+pub struct Survey {
+    /// The files, in the order of their paths.
+    pub inputs: Vec<InputFile>,
+    /// The run's record.
+    pub record: RecordFormat,
+    /// The run's scale and offset.
+    pub lattice: Lattice,
+    /// The CRS that all inputs share, if they state one.
+    pub crs: Option<Crs>,
+    /// Whether GPS times are adjusted standard times.
+    pub has_standard_time: bool,
+    /// What is odd about the inputs.
+    pub notes: Vec<String>,
+}
+
+/// Stored units to a spacing at the least: quantisation is not to be felt.
+const UNITS_PER_SPACING: f64 = 50.0;
+/// Extents wider than this share of the range of `i32` are refused a scale.
+const RANGE: f64 = 0.45 * 4_294_967_296.0;
+
+impl Survey {
+    /// Reads the headers of the files that `arguments` name.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError::Inputs`] with every file that cannot be used and why: not
+    /// readable, no LAS, another CRS or another kind of GPS time than the first,
+    /// degrees.
+    pub fn of(arguments: &[PathBuf], target: Option<Target>) -> Result<Self, JobError> {
+        let paths = expand_inputs(arguments)?;
+        let surveyed: Vec<_> = paths
+            .par_iter()
+            .map(|path| InputFile::survey(path))
+            .collect();
+        let mut problems = Vec::new();
+        let mut inputs = Vec::new();
+        for result in surveyed {
+            match result {
+                Ok(input) => inputs.push(input),
+                Err(error) => problems.push(error.to_string()),
+            }
+        }
+        problems.extend(differences(&inputs));
+        if !problems.is_empty() {
+            return Err(JobError::Inputs(problems));
+        }
+        if inputs.iter().all(|input| input.points_claimed == 0) {
+            return Err(JobError::Refused(format!(
+                "{}: no input holds any point; there is nothing to resample",
+                paths
+                    .first()
+                    .map_or(String::new(), |p| p.display().to_string())
+            )));
+        }
+        let mut notes: Vec<String> = inputs
+            .iter()
+            .flat_map(|input| {
+                let path = input.path.display().to_string();
+                input
+                    .notes
+                    .iter()
+                    .map(move |note| format!("{path}: {note}"))
+            })
+            .collect();
+        let crs = inputs.iter().find_map(|input| input.crs.clone());
+        match &crs {
+            None => notes.push("no input states a CRS; the output states none".into()),
+            Some(crs) if crs.wkt().is_none() => notes
+                .push("the CRS names no EPSG code; its GeoTIFF keys are copied as they are".into()),
+            Some(_) => {}
+        }
+        Ok(Self {
+            record: RecordFormat::for_inputs(&inputs)?,
+            lattice: lattice(&inputs, target),
+            has_standard_time: inputs
+                .iter()
+                .any(|input| input.format().has_gps_time && input.has_standard_time),
+            crs,
+            notes,
+            inputs,
+        })
+    }
+
+    /// Points that the headers claim.
+    pub fn points_claimed(&self) -> u64 {
+        self.inputs.iter().map(|input| input.points_claimed).sum()
+    }
+
+    /// The longer side of what the headers claim, in stored units.
+    pub fn extent_claimed(&self) -> i64 {
+        let (min, max) = claimed_bounds(&self.inputs);
+        let widest = (0..2).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
+        // `as` saturates, and takes what is not a number for zero.
+        (widest / self.lattice.scale) as i64
+    }
+}
+
+/// What keeps inputs from being merged, file by file.
+fn differences(inputs: &[InputFile]) -> Vec<String> {
+    let mut problems = Vec::new();
+    for input in inputs {
+        if input.crs.as_ref().is_some_and(Crs::is_geographic) {
+            problems.push(format!(
+                "{}: coordinates are degrees, in which a spacing means nothing; reproject it to a \
+                 system in metres or feet",
+                input.path.display()
+            ));
+        }
+    }
+    let name = |crs: &Option<Crs>| crs.as_ref().map_or("none".into(), Crs::name);
+    if let Some((first, rest)) = inputs.split_first() {
+        for input in rest {
+            let same = match (&first.crs, &input.crs) {
+                (None, None) => true,
+                (Some(one), Some(other)) => one.same_as(other),
+                _ => false,
+            };
+            if !same {
+                problems.push(format!(
+                    "{}: its CRS ({}) is not that of {} ({}); reproject one of them",
+                    input.path.display(),
+                    name(&input.crs),
+                    first.path.display(),
+                    name(&first.crs)
+                ));
+            }
+        }
+    }
+    let mut timed = inputs.iter().filter(|input| input.format().has_gps_time);
+    if let Some(first) = timed.next() {
+        for input in timed.filter(|i| i.has_standard_time != first.has_standard_time) {
+            problems.push(format!(
+                "{}: its GPS times are not of the kind of {} (one counts seconds of the week, the \
+                 other adjusted standard time); convert one of them",
+                input.path.display(),
+                first.path.display()
+            ));
+        }
+    }
+    problems
+}
+
+fn claimed_bounds(inputs: &[InputFile]) -> ([f64; 3], [f64; 3]) {
+    let mut bounds = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for input in inputs.iter().filter(|input| input.points_claimed > 0) {
+        let [min, max] = input.bounds_claimed;
+        let is_sound = (0..3)
+            .all(|axis| min[axis].is_finite() && max[axis].is_finite() && min[axis] <= max[axis]);
+        if is_sound {
+            for axis in 0..3 {
+                bounds.0[axis] = bounds.0[axis].min(min[axis]);
+                bounds.1[axis] = bounds.1[axis].max(max[axis]);
+            }
+        }
+    }
+    if bounds.0[0] > bounds.1[0] {
+        // No claim can be used; the files' own offsets are near their points.
+        let offset = inputs.first().map_or([0.0; 3], |input| input.offset);
+        return (offset, offset);
+    }
+    bounds
+}
+
+/// The finest scale of the inputs, finer still if the spacing asks for it; the
+/// offset near the middle, on the grid of the scale.
+fn lattice(inputs: &[InputFile], target: Option<Target>) -> Lattice {
+    let mut scale = inputs
+        .iter()
+        .flat_map(|input| input.scale)
+        .fold(f64::INFINITY, f64::min);
+    let (min, max) = claimed_bounds(inputs);
+    let extent = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
+    // With a count the spacing is not known yet: were all points on a flat
+    // square, it would be this.
+    let spacing = match target {
+        Some(Target::Spacing(spacing)) => Some(spacing),
+        Some(Target::Count(count)) => Some(extent / (count as f64).sqrt()),
+        Some(Target::Ratio(_)) | None => None,
+    };
+    if let Some(spacing) = spacing.filter(|s| *s > 0.0) {
+        while scale > spacing / UNITS_PER_SPACING && extent / scale < RANGE / 10.0 {
+            scale /= 10.0;
+        }
+    }
+    while extent / scale > RANGE {
+        scale *= 10.0;
+    }
+    // Round numbers, multiples of the scale.
+    let step = scale * 10_000.0;
+    let offset = [0, 1, 2].map(|axis| {
+        let middle = 0.5 * (min[axis] + max[axis]);
+        (middle / step).round() * step
+    });
+    // So that a decimal scale is written as the decimal it is.
+    let scale = format!("{scale:.12e}").parse().unwrap_or(scale);
+    Lattice { scale, offset }
+}

@@ -1,0 +1,166 @@
+//! Stitch and write: tiles in, one cloud out.
+//!
+//! Two passes over the solved tiles, each holding a tile and what its
+//! neighbours say of it: the first settles where every site ends, the second
+//! measures distances across seams and writes.
+
+use std::{collections::HashMap, path::Path};
+
+use serde::{Deserialize, Serialize};
+
+use super::{JobError, Progress, solving::BAND};
+use crate::{
+    geometry::{Lattice, Local, NeighborGrid, Rect},
+    las::{CloudWriter, move_to},
+    quality::UniformityTally,
+    tile::{Guest, Plan, SeamTally, SolvedTile, Tile, blend, stored},
+};
+
+/// How near to another tile is "on the seam", in spacings.
+const SEAM: f64 = 2.0;
+
+/// What the stitch found. Lengths are CRS units.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Stitched {
+    /// How well tiles agreed.
+    pub seams: SeamTally,
+    /// Nearest distances of the whole cloud, as written.
+    pub all: UniformityTally,
+    /// Of sites within two spacings of another tile.
+    pub on_seams: UniformityTally,
+    /// Of the others.
+    pub elsewhere: UniformityTally,
+    /// Points written at a place where another one is.
+    pub duplicates: u64,
+}
+
+/// The tiles whose cores lie within `reach` (stored units) of `tile`'s.
+fn adjacent<'a>(plan: &'a Plan, tile: &'a Tile, reach: i64) -> impl Iterator<Item = &'a Tile> {
+    let near = tile.core.grown(reach);
+    plan.tiles
+        .iter()
+        .filter(move |other| other.id != tile.id && other.core.intersects(&near))
+}
+
+/// Settles the sites of every tile; the records of each tile, moved to where
+/// they are written, replace its own.
+pub(super) fn settle(
+    plan: &Plan,
+    dir: &Path,
+    lattice: &Lattice,
+    spacing: f64,
+    progress: &dyn Progress,
+) -> Result<SeamTally, JobError> {
+    let band = lattice.units(BAND * spacing);
+    let mut tally = SeamTally::new(spacing);
+    for tile in &plan.tiles {
+        let mut own = SolvedTile::read(dir, tile.id)?;
+        let mut guests = Vec::new();
+        for other in adjacent(plan, tile, band) {
+            let mut sites = SolvedTile::read(dir, other.id)?.band;
+            sites.retain(|site| tile.core.contains(site.identity));
+            guests.push(Guest {
+                core: other.core,
+                sites,
+            });
+        }
+        let places = blend(&tile.core, &own.core, &guests, band, &mut tally);
+        for (record, place) in own.records.chunks_exact_mut(own.record_length).zip(places) {
+            // A site that is nowhere stays where it was elected.
+            let place = lattice.stored(place).unwrap_or_else(|| stored(record));
+            move_to(record, place);
+        }
+        write_settled(dir, tile.id, &own.records)?;
+        progress.advance(1);
+    }
+    Ok(tally)
+}
+
+fn settled_path(dir: &Path, tile: u32) -> std::path::PathBuf {
+    dir.join(format!("tile-{tile:06}.settled"))
+}
+
+fn write_settled(dir: &Path, tile: u32, records: &[u8]) -> Result<(), JobError> {
+    let path = settled_path(dir, tile);
+    std::fs::write(&path, records).map_err(|e| JobError::io("write", &path, e))
+}
+
+fn read_settled(dir: &Path, tile: u32) -> Result<Vec<u8>, JobError> {
+    let path = settled_path(dir, tile);
+    std::fs::read(&path).map_err(|e| JobError::io("read", &path, e))
+}
+
+/// Writes the settled tiles, in the order of the plan, and measures the
+/// distances between their points, across seams as elsewhere.
+#[expect(clippy::too_many_arguments, reason = "the job's parts, each used once")]
+pub(super) fn write(
+    plan: &Plan,
+    dir: &Path,
+    lattice: &Lattice,
+    spacing: f64,
+    record_length: usize,
+    seams: SeamTally,
+    writer: &mut CloudWriter,
+    progress: &dyn Progress,
+) -> Result<(Stitched, HashMap<u32, UniformityTally>), JobError> {
+    // Sites end within a spacing or two of where they are at home.
+    let reach = lattice.units(2.0 * BAND * spacing);
+    let seam = lattice.units(SEAM * spacing);
+    let tally = || UniformityTally::new(spacing);
+    let mut stitched = Stitched {
+        seams,
+        all: tally(),
+        on_seams: tally(),
+        elsewhere: tally(),
+        duplicates: 0,
+    };
+    let mut by_tile = HashMap::new();
+    for tile in &plan.tiles {
+        let records = read_settled(dir, tile.id)?;
+        let near: Vec<Rect> = adjacent(plan, tile, reach)
+            .map(|other| other.core)
+            .collect();
+        let mut places: Vec<Local> = records
+            .chunks_exact(record_length)
+            .map(|record| lattice.local(stored(record)))
+            .collect();
+        let own = places.len();
+        for other in adjacent(plan, tile, reach) {
+            let wide = tile.core.grown(reach);
+            places.extend(
+                read_settled(dir, other.id)?
+                    .chunks_exact(record_length)
+                    .map(stored)
+                    .filter(|&point| wide.contains(point))
+                    .map(|point| lattice.local(point)),
+            );
+        }
+        let grid = NeighborGrid::new(&places, spacing);
+        let mut tile_tally = tally();
+        for (index, (place, record)) in (0u32..).zip(
+            places[..own]
+                .iter()
+                .zip(records.chunks_exact(record_length)),
+        ) {
+            let nearest = grid.nearest(*place, BAND * spacing, |other| other == index);
+            let Some((_, squared)) = nearest else {
+                continue;
+            };
+            let distance = squared.sqrt();
+            let point = stored(record);
+            let is_on_seam = near.iter().any(|core| core.depth(point) > -seam);
+            stitched.duplicates += u64::from(distance == 0.0);
+            stitched.all.push_distance(distance);
+            tile_tally.push_distance(distance);
+            if is_on_seam {
+                stitched.on_seams.push_distance(distance);
+            } else {
+                stitched.elsewhere.push_distance(distance);
+            }
+        }
+        by_tile.insert(tile.id, tile_tally);
+        writer.write(&records)?;
+        progress.advance(1);
+    }
+    Ok((stitched, by_tile))
+}
