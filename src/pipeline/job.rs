@@ -409,9 +409,7 @@ impl Job {
                         2.0 * survey.lattice.scale
                     )));
                 }
-                let squares: Vec<_> = spill.squares().collect();
-                let seeds =
-                    spacing::seeds(spill, &survey.lattice, &self.settings, &squares, spacing)?;
+                let seeds = spacing::seeds(spill, &survey.lattice, &self.settings, spacing)?;
                 (spacing, seeds.round() as u64)
             }
             Target::Count(count) => (

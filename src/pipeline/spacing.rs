@@ -1,22 +1,24 @@
 //! One global spacing, from `--spacing`, `--count` or `--ratio`.
 //!
 //! How many seeds a spacing gives depends on the surfaces, which nobody knows
-//! before. So it is tried: seeds are elected on a sample of counting squares
-//! (all of them if there are few points), and the spacing is moved until the
+//! before. So it is tried: seeds are elected on a sample of the cloud
+//! (all of it if there are few points), and the spacing is moved until the
 //! count is met. The sample depends on the input alone, not on tiles, threads
 //! or memory.
 
 use super::JobError;
 use crate::{
     config::Settings,
-    geometry::{Lattice, Rect, Stored},
+    geometry::{Lattice, Stored},
     lloyd::{AREA_PER_SEED, ELECTION_RADIUS, Scan, elected_in},
-    tile::Spill,
+    tile::{Plan, PlanOptions, Spill, TileError},
 };
 
 /// Points to elect from, about; more would not move the count by one in a
 /// hundred.
-const SAMPLE_POINTS: u64 = 3_000_000;
+const SAMPLE_POINTS: u64 = 12_000_000;
+/// Points of a part of the cloud in which seeds are elected.
+const PART_POINTS: u64 = 1_000_000;
 /// A count met this closely is met.
 const TOLERANCE: f64 = 0.004;
 /// Tries; three are usual.
@@ -43,15 +45,15 @@ pub(super) fn for_count(
             "all points of the scan are equal: there is no spacing between them".into(),
         ));
     }
-    let squares: Vec<([i64; 2], u64)> = spill.squares().collect();
-    let occupied = squares.len() as f64 * (spill.grid().square() as f64 * lattice.scale).powi(2);
+    let occupied =
+        spill.squares().count() as f64 * (spill.grid().square() as f64 * lattice.scale).powi(2);
     // Were it a plane, and half as much again for what stands upright.
     let guess = (1.5 * occupied / (AREA_PER_SEED * count as f64)).sqrt();
     let mut spacing = guess.clamp(4.0 * lattice.scale, extent);
 
     let mut tried: Vec<(f64, f64)> = Vec::new();
     for _ in 0..TRIES {
-        let found = seeds(spill, lattice, settings, &squares, spacing)?;
+        let found = seeds(spill, lattice, settings, spacing)?;
         let error = (found / count as f64).ln();
         tried.push((spacing.ln(), error));
         if error.abs() <= TOLERANCE {
@@ -89,51 +91,41 @@ fn next_try(tried: &[(f64, f64)]) -> f64 {
     last - error / slope.clamp(-3.0, -0.5)
 }
 
-/// Seeds elected at `spacing`, over all of the cloud.
+/// Seeds elected at `spacing`, over all of the cloud, about.
 pub(super) fn seeds(
     spill: &Spill,
     lattice: &Lattice,
     settings: &Settings,
-    squares: &[([i64; 2], u64)],
     spacing: f64,
 ) -> Result<f64, JobError> {
-    let whole = spill.points() <= SAMPLE_POINTS;
-    let margin = lattice.units(4.0 * ELECTION_RADIUS * spacing);
-    let every = spill.points().div_ceil(SAMPLE_POINTS) as usize;
-    let parts: Vec<Rect> = if whole {
-        let bounds = spill.bounds();
-        vec![Rect {
-            min: [bounds.min[0], bounds.min[1]].map(i64::from),
-            max: [bounds.max[0], bounds.max[1]].map(|c| i64::from(c) + 1),
-        }]
-    } else {
-        // Squares in a row are alike: every so-many-th is a fair sample.
-        squares
-            .iter()
-            .step_by(every)
-            .map(|(corner, _)| {
-                let min = corner.map(|c| c * spill.grid().square());
-                Rect {
-                    min,
-                    max: min.map(|c| c + spill.grid().square()),
-                }
-            })
-            .collect()
-    };
-    let mut total = 0;
-    for part in &parts {
+    let parts = parts(spill, lattice.units(4.0 * ELECTION_RADIUS * spacing))?;
+    let every = spill.points().div_ceil(SAMPLE_POINTS).max(1) as usize;
+    let fit_radius = settings.solver(spacing, 0.0).fit_radius;
+    let (mut elected, mut sampled) = (0, 0);
+    for tile in parts.tiles.iter().step_by(every) {
         let mut points: Vec<Stored> = Vec::new();
-        spill.gather(&part.grown(margin), |record| {
+        spill.gather(&tile.core.grown(parts.halo), |record| {
             points.push(crate::tile::stored(record));
         })?;
-        let fit_radius = settings.solver(spacing, 0.0).fit_radius;
         let scan = Scan::new(points, *lattice, spacing, fit_radius, settings.seed);
-        total += elected_in(&scan, spacing, settings.seed, part);
+        elected += elected_in(&scan, spacing, settings.seed, &tile.core);
+        sampled += tile.points_core;
     }
-    let share = if whole {
-        1.0
-    } else {
-        parts.len() as f64 / squares.len() as f64
-    };
-    Ok(total as f64 / share)
+    Ok(elected as f64 * spill.points() as f64 / sampled.max(1) as f64)
+}
+
+/// The cloud in parts small enough for any budget, the same for all of them.
+fn parts(spill: &Spill, halo: i64) -> Result<Plan, JobError> {
+    let mut most_points = PART_POINTS;
+    loop {
+        let options = PlanOptions {
+            halo,
+            tile_edge: None,
+            most_points,
+        };
+        match Plan::make(spill, options) {
+            Err(TileError::TooDense { points, .. }) => most_points = points,
+            other => return Ok(other?),
+        }
+    }
 }
