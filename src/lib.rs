@@ -6,4 +6,5 @@ pub mod las;
 pub mod lloyd;
 pub mod pipeline;
 pub mod quality;
+pub mod simulate;
 pub mod tile;
