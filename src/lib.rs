@@ -6,5 +6,6 @@ pub mod las;
 pub mod lloyd;
 pub mod pipeline;
 pub mod quality;
+pub mod report;
 pub mod simulate;
 pub mod tile;

@@ -1,5 +1,6 @@
 //! The commands, and what they print.
 
+mod simulating;
 mod terminal;
 
 use std::{
@@ -10,11 +11,13 @@ use std::{
 
 use clap::{Parser, Subcommand};
 use lloydar::{
-    config::Choices,
-    pipeline::{Job, JobError, JobPlan, Quiet, default_directory},
+    config::{Bytes, Choices},
+    pipeline::{Job, JobError, JobPlan, Quiet, default_directory, measure},
+    report::{Report, figure, thousands},
 };
 
-use terminal::{Look, Terminal, thousands};
+use simulating::Simulation;
+use terminal::{Look, Terminal};
 
 /// Turns laser scans larger than memory into evenly spaced points.
 #[derive(Parser)]
@@ -44,6 +47,38 @@ enum Command {
         /// Print JSON
         #[arg(long)]
         json: bool,
+    },
+    /// Print the figures of uniformity of a cloud
+    Measure {
+        /// LAS and LAZ files, directories, patterns
+        #[arg(required = true, value_name = "CLOUD")]
+        files: Vec<PathBuf>,
+        /// Peak memory
+        #[arg(long, value_name = "SIZE")]
+        memory: Option<Bytes>,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Print what the headers of scans say, and what is odd about them
+    Info {
+        /// LAS and LAZ files, directories, patterns
+        #[arg(required = true, value_name = "INPUT")]
+        files: Vec<PathBuf>,
+    },
+    /// Write a simulated mobile-mapping street, one file a pass
+    Simulate {
+        #[command(flatten)]
+        street: Simulation,
+        /// Directory for the files
+        #[arg(short, long, value_name = "DIR", default_value = "street")]
+        output: PathBuf,
+    },
+    /// Simulate a street, resample it under a small budget, write a report
+    Demo {
+        /// Directory for everything
+        #[arg(short, long, value_name = "DIR", default_value = "lloydar-demo")]
+        output: PathBuf,
     },
 }
 
@@ -100,6 +135,14 @@ fn run(command: Command) -> Result<u8, JobError> {
             output,
             json,
         } => plan_job(&scans, &output, json),
+        Command::Measure {
+            files,
+            memory,
+            json,
+        } => measure_cloud(&files, memory, json),
+        Command::Info { files } => print_info(&files),
+        Command::Simulate { street, output } => simulating::simulate(&street, &output),
+        Command::Demo { output } => simulating::demo(&output),
     }
 }
 
@@ -125,12 +168,132 @@ fn job(scans: &Scans, output: &Path) -> Result<Job, JobError> {
 
 fn run_job(scans: &Scans, output: &Path) -> Result<u8, JobError> {
     let job = job(scans, output)?;
+    let look = Look::choose(scans.quiet, scans.log == "json");
+    run_and_report(&job, look)
+}
+
+/// Runs `job`, writes its report beside the output, and prints a summary.
+fn run_and_report(job: &Job, look: Look) -> Result<u8, JobError> {
     stop_on_signals();
-    let terminal = Terminal::new(Look::choose(scans.quiet, scans.log == "json"));
+    let terminal = Terminal::new(look);
     let outcome = job.run(&terminal, &CANCEL)?;
+    let settings = serde_json::to_value(&job.settings).unwrap_or_default();
+    let settings = settings
+        .as_object()
+        .into_iter()
+        .flatten()
+        .map(|(name, value)| (name.clone(), value.to_string()))
+        .collect();
+    let report = Report::new(&outcome, &job.output.display().to_string(), settings);
+    for (ending, text) in [("json", report.to_json()), ("html", report.to_html())] {
+        let mut name = job.output.clone().into_os_string();
+        name.push(format!(".report.{ending}"));
+        let path = PathBuf::from(name);
+        std::fs::write(&path, text).map_err(|source| JobError::Io {
+            action: "write",
+            path: path.display().to_string(),
+            source,
+        })?;
+    }
+    if look != Look::Nothing {
+        println!(
+            "{} points, {} apart: {}",
+            thousands(report.points),
+            figure(report.spacing),
+            report.output
+        );
+        print!("{}", report.summary());
+        println!("report    {}.report.html", report.output);
+    }
     let rejected: u64 = outcome.inputs.iter().map(|input| input.rejected).sum();
-    println!("{} points", outcome.points);
     Ok(if rejected > 0 { LEFT_OUT } else { 0 })
+}
+
+fn measure_cloud(files: &[PathBuf], memory: Option<Bytes>, json: bool) -> Result<u8, JobError> {
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let memory = memory.map(|bytes| bytes.0);
+    let measured = measure(files, &std::env::temp_dir(), memory, threads)?;
+    if json {
+        println!(
+            "{}",
+            serde_json::to_string_pretty(&measured).unwrap_or_default()
+        );
+        return Ok(0);
+    }
+    let u = &measured.uniformity;
+    let rows = [
+        ("points", thousands(measured.points)),
+        ("delta", figure(u.delta)),
+        ("  largest 1 % left out", figure(u.delta_trimmed)),
+        ("energy over hexagonal", figure(u.energy_ratio)),
+        ("cell-area CV", figure(u.cell_area_cv)),
+        ("packing", figure(u.packing)),
+        ("six neighbours", figure(u.six_neighbors)),
+        ("mean distance", figure(u.mean)),
+        ("min / mean", figure(u.min)),
+        ("p1 / mean", figure(u.p1)),
+        ("p50 / mean", figure(u.p50)),
+        ("p99 / mean", figure(u.p99)),
+        ("sigma", figure(u.sigma)),
+        ("sigma / mean", figure(u.sigma_over_mean)),
+        ("epsilon", figure(u.epsilon)),
+    ];
+    for (name, value) in rows {
+        println!("{name:<24} {value}");
+    }
+    Ok(0)
+}
+
+fn print_info(files: &[PathBuf]) -> Result<u8, JobError> {
+    let paths = lloydar::las::expand_inputs(files)?;
+    let mut code = 0;
+    for path in paths {
+        match lloydar::las::InputFile::survey(&path) {
+            Ok(input) => print_input(&input),
+            Err(error) => {
+                eprintln!("lloydar: {error}");
+                code = FAILED;
+            }
+        }
+    }
+    Ok(code)
+}
+
+fn print_input(input: &lloydar::las::InputFile) {
+    let [major, minor] = input.version;
+    let kind = if input.is_compressed() { "LAZ" } else { "LAS" };
+    println!("{}", input.path.display());
+    println!(
+        "  {kind} {major}.{minor}, format {}, {} bytes",
+        input.format_number(),
+        thousands(input.bytes)
+    );
+    println!("  points   {}", thousands(input.points_claimed));
+    let [min, max] = input.bounds_claimed;
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        println!(
+            "  {name}        {} to {}, scale {}, offset {}",
+            min[axis], max[axis], input.scale[axis], input.offset[axis]
+        );
+    }
+    let area = (max[0] - min[0]) * (max[1] - min[1]);
+    println!(
+        "  density  {} points to the square unit of its bounds",
+        figure(input.points_claimed as f64 / area)
+    );
+    println!(
+        "  CRS      {}",
+        input
+            .crs
+            .as_ref()
+            .map_or("none".into(), lloydar::las::Crs::name)
+    );
+    for extra in &input.extra_bytes {
+        println!("  extra    {} ({} bytes)", extra.name, extra.length);
+    }
+    for note in &input.notes {
+        println!("  note     {note}");
+    }
 }
 
 fn plan_job(scans: &Scans, output: &Path, json: bool) -> Result<u8, JobError> {

@@ -9,7 +9,10 @@ use std::{
 };
 
 use indicatif::{ProgressBar, ProgressStyle};
-use lloydar::pipeline::{Progress, Unit};
+use lloydar::{
+    pipeline::{Progress, Unit},
+    report::thousands,
+};
 
 /// How progress is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -172,17 +175,4 @@ impl Progress for Terminal {
             Look::Bars | Look::Lines => eprintln!("{text}"),
         }
     }
-}
-
-/// `1234567` as `1 234 567`.
-pub(super) fn thousands(number: u64) -> String {
-    let digits = number.to_string();
-    let mut out = String::new();
-    for (place, digit) in digits.chars().enumerate() {
-        if place > 0 && (digits.len() - place) % 3 == 0 {
-            out.push(' ');
-        }
-        out.push(digit);
-    }
-    out
 }

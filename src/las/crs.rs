@@ -70,6 +70,11 @@ impl Crs {
         })
     }
 
+    /// The system of an EPSG code, if its text is known.
+    pub fn of_epsg(code: u16) -> Option<Self> {
+        crs_definitions::from_code(code).map(|found| Self::Wkt(found.wkt.to_owned()))
+    }
+
     /// Whether coordinates are degrees: a spacing would mean nothing.
     pub fn is_geographic(&self) -> bool {
         match self {

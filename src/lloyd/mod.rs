@@ -30,4 +30,6 @@ pub use acceleration::Acceleration;
 pub use restriction::Restriction;
 pub use scan::Scan;
 pub use seeds::{AREA_PER_SEED, ELECTION_RADIUS, SeedRule, Seeds, elect, elected_in};
-pub use solver::{DistanceSums, Domain, FIT_RADIUS, Options, Site, Solution, solve};
+pub use solver::{
+    DistanceSums, Domain, FIT_RADIUS, Options, Site, Solution, describe_points, solve,
+};

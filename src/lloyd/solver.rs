@@ -283,6 +283,24 @@ pub fn solve(scan: &Scan, domain: &Domain, options: &Options) -> Solution {
     }
 }
 
+/// The points of `scan` themselves as sites, with the cells they have on
+/// patches through their neighbours: for the figures of a finished cloud.
+pub fn describe_points(scan: &Scan, domain: &Domain, options: &Options) -> Vec<Site> {
+    let mut identities = scan.points().to_vec();
+    identities.sort_unstable();
+    identities.dedup();
+    let positions: Vec<Local> = identities
+        .iter()
+        .map(|&identity| scan.lattice().local(identity))
+        .collect();
+    let unknown = State {
+        fit: None,
+        is_exact: false,
+    };
+    let mut states = vec![unknown; identities.len()];
+    describe(scan, domain, options, &identities, &positions, &mut states)
+}
+
 /// Which sites can still reach the core: all at first, fewer with every
 /// iteration.
 struct Cone<'a> {

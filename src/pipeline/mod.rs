@@ -9,6 +9,7 @@
 
 mod error;
 mod job;
+mod measuring;
 mod memory;
 mod progress;
 mod solving;
@@ -18,6 +19,7 @@ mod writing;
 
 pub use error::JobError;
 pub use job::{InputCount, Job, JobPlan, Outcome, StageCost, default_directory};
+pub use measuring::{Measured, measure};
 pub use memory::{memory_limit, peak_resident};
 pub use progress::{Progress, Quiet, Unit};
 pub use solving::TileFigures;

@@ -135,7 +135,7 @@ pub(super) fn solve_tile(
 }
 
 /// Nearest distances and closed cells of the sites of the core.
-fn uniformity(sites: &[Site], core: &Rect, spacing: f64) -> UniformityTally {
+pub(super) fn uniformity(sites: &[Site], core: &Rect, spacing: f64) -> UniformityTally {
     let positions: Vec<Local> = sites.iter().map(|site| site.position).collect();
     let grid = NeighborGrid::new(&positions, spacing);
     let mut tally = UniformityTally::new(spacing);

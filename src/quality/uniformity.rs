@@ -88,6 +88,21 @@ pub struct Uniformity {
     pub six_neighbors: f64,
 }
 
+impl Uniformity {
+    /// These distances, with the figures of the cells of `cells`.
+    #[must_use]
+    pub fn with_cells_of(self, cells: &Self) -> Self {
+        Self {
+            cells: cells.cells,
+            energy_ratio: cells.energy_ratio,
+            cell_area_cv: cells.cell_area_cv,
+            packing: cells.packing,
+            six_neighbors: cells.six_neighbors,
+            ..self
+        }
+    }
+}
+
 impl UniformityTally {
     /// An empty tally, for sites about `spacing` apart (CRS units).
     pub fn new(spacing: f64) -> Self {

@@ -1,0 +1,162 @@
+//! `simulate` and `demo`: data to try everything on, with known surfaces.
+
+use std::path::{Path, PathBuf};
+
+use lloydar::{
+    config::{Choices, Count},
+    geometry::Lattice,
+    las::{CloudHeader, CloudWriter, Format, RecordFormat},
+    pipeline::{Job, JobError, default_directory},
+    simulate::{SimulatedPoint, Street, StreetOptions},
+};
+use rayon::prelude::*;
+
+use super::terminal::Look;
+
+/// What street is simulated.
+#[derive(clap::Args)]
+pub(super) struct Simulation {
+    /// Length of the street in metres
+    #[arg(long, value_name = "LENGTH", default_value_t = 120.0)]
+    length: f64,
+    /// Points of all passes
+    #[arg(long, value_name = "N", default_value = "2M")]
+    points: Count,
+    /// Times that the vehicle drives down the street; a file each
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    passes: u32,
+    /// Standard deviation of the ranges in metres
+    #[arg(long, value_name = "LENGTH", default_value_t = 0.01)]
+    noise: f64,
+    /// Another seed, another street
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+}
+
+pub(super) fn simulate(simulation: &Simulation, output: &Path) -> Result<u8, JobError> {
+    // Written so that NaN is refused.
+    let is_street = (20.0..=1e6).contains(&simulation.length)
+        && (1..=100).contains(&simulation.passes)
+        && (0.0..=1.0).contains(&simulation.noise);
+    if !is_street {
+        return Err(JobError::Refused(
+            "a street is 20 m to 1000 km long, driven down 1 to 100 times, with a noise of 0 to 1 m"
+                .into(),
+        ));
+    }
+    let street = Street::new(StreetOptions {
+        length: simulation.length,
+        passes: simulation.passes,
+        points: simulation.points.0,
+        noise: simulation.noise,
+        seed: simulation.seed,
+    });
+    for (path, points) in write_street(&street, simulation.passes, output)? {
+        println!("{} points: {}", points, path.display());
+    }
+    Ok(0)
+}
+
+/// Simulates a street and resamples it, as anyone would with own data.
+pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
+    let scans = output.join("scans");
+    println!("simulating a street: 2 400 000 points in 3 passes");
+    let street = Street::new(StreetOptions {
+        length: 100.0,
+        passes: 3,
+        points: 2_400_000,
+        ..StreetOptions::default()
+    });
+    write_street(&street, 3, &scans)?;
+    let cloud = output.join("street.laz");
+    println!(
+        "lloydar run {} -o {} --spacing 0.2 --memory 256MiB",
+        scans.display(),
+        cloud.display()
+    );
+    let choices = Choices {
+        spacing: Some(0.2),
+        memory: Some(lloydar::config::Bytes(256 << 20)),
+        ..Choices::default()
+    };
+    let job = Job {
+        inputs: vec![scans],
+        dir: default_directory(&cloud),
+        output: cloud,
+        settings: choices.settings()?,
+        overwrite: true,
+        keep: false,
+    };
+    super::run_and_report(&job, Look::choose(false, false))
+}
+
+/// Slices simulated at once: what is held in memory.
+const SLICES_AT_ONCE: u64 = 8;
+
+/// One LAZ file a pass; each with its points.
+fn write_street(street: &Street, passes: u32, dir: &Path) -> Result<Vec<(PathBuf, u64)>, JobError> {
+    std::fs::create_dir_all(dir).map_err(|source| JobError::Io {
+        action: "make",
+        path: dir.display().to_string(),
+        source,
+    })?;
+    let header = CloudHeader {
+        record: RecordFormat {
+            point_format: 7,
+            extra_bytes: Vec::new(),
+        },
+        lattice: Lattice {
+            scale: 0.001,
+            offset: [431_000.0, 5_400_000.0, 100.0],
+        },
+        crs: lloydar::las::Crs::of_epsg(32_633),
+        has_standard_time: false,
+        provenance: "simulated".to_owned(),
+    };
+    (0..passes)
+        .map(|pass| {
+            let path = dir.join(format!("pass-{}.laz", pass + 1));
+            let mut writer = CloudWriter::create(&path, Format::Laz, &header)?;
+            let slices = street.slices(pass);
+            for first in (0..slices).step_by(SLICES_AT_ONCE as usize) {
+                let batch: Vec<Vec<u8>> = (first..slices.min(first + SLICES_AT_ONCE))
+                    .into_par_iter()
+                    .map(|slice| {
+                        let points = street.slice(pass, slice);
+                        points
+                            .iter()
+                            .flat_map(|point| record(point, &header.lattice))
+                            .collect()
+                    })
+                    .collect();
+                for records in batch {
+                    writer.write(&records)?;
+                }
+            }
+            let (points, _) = writer.finish()?;
+            Ok((path, points))
+        })
+        .collect()
+}
+
+/// A return as a record of format 7.
+fn record(point: &SimulatedPoint, lattice: &Lattice) -> [u8; 36] {
+    let mut record = [0; 36];
+    let place = lattice
+        .quantise(point.position)
+        .expect("a street of 1000 km is within two million metres of its start");
+    for (at, c) in [place.x, place.y, place.z].into_iter().enumerate() {
+        record[4 * at..4 * at + 4].copy_from_slice(&c.to_le_bytes());
+    }
+    record[12..14].copy_from_slice(&point.intensity.to_le_bytes());
+    record[14] = 0x11;
+    record[16] = point.class;
+    let angle = (point.angle / 0.006).round() as i16;
+    record[18..20].copy_from_slice(&angle.to_le_bytes());
+    record[20..22].copy_from_slice(&point.pass.to_le_bytes());
+    record[22..30].copy_from_slice(&point.gps_time.to_le_bytes());
+    for (at, c) in point.color.into_iter().enumerate() {
+        record[30 + 2 * at..32 + 2 * at].copy_from_slice(&c.to_le_bytes());
+    }
+    record
+}

@@ -1,0 +1,91 @@
+//! Charts as SVG, in the colours of the page.
+
+use super::figure;
+
+const WIDTH: f64 = 640.0;
+const HEIGHT: f64 = 220.0;
+const LEFT: f64 = 52.0;
+const BOTTOM: f64 = 30.0;
+
+fn frame(title: &str, body: &str, x_label: &str) -> String {
+    format!(
+        "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{title}\">\
+         <line class=\"axis\" x1=\"{LEFT}\" y1=\"{y}\" x2=\"{WIDTH}\" y2=\"{y}\"/>{body}\
+         <text x=\"{x}\" y=\"{t}\" text-anchor=\"middle\">{x_label}</text></svg>",
+        y = HEIGHT - BOTTOM,
+        x = LEFT + 0.5 * (WIDTH - LEFT),
+        t = HEIGHT - 4.0,
+    )
+}
+
+/// Two histograms over the same bins, the second in front.
+pub(super) fn histograms(title: &str, behind: &[u64], front: &[u64], spanned: f64) -> String {
+    let most = behind
+        .iter()
+        .chain(front)
+        .copied()
+        .max()
+        .unwrap_or(0)
+        .max(1) as f64;
+    let step = (WIDTH - LEFT) / behind.len().max(1) as f64;
+    let bars = |counts: &[u64], class: &str| -> String {
+        (0..)
+            .zip(counts)
+            .filter(|&(_, &count)| count > 0)
+            .map(|(bin, &count): (u32, &u64)| {
+                let height = count as f64 / most * (HEIGHT - BOTTOM - 8.0);
+                format!(
+                    "<rect class=\"{class}\" x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{height:.1}\"/>",
+                    LEFT + f64::from(bin) * step,
+                    HEIGHT - BOTTOM - height,
+                    step - 0.6,
+                )
+            })
+            .collect()
+    };
+    let ticks: String = (0..=4)
+        .map(|k| {
+            let share = f64::from(k) / 4.0;
+            format!(
+                "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
+                LEFT + share * (WIDTH - LEFT - 12.0),
+                HEIGHT - BOTTOM + 13.0,
+                share * spanned
+            )
+        })
+        .collect();
+    let body = bars(behind, "seeds") + &bars(front, "output") + &ticks;
+    frame(title, &body, "")
+}
+
+/// A line through `values`, one to an iteration.
+pub(super) fn line(title: &str, values: &[f64]) -> String {
+    let finite = || values.iter().copied().filter(|v| v.is_finite());
+    let (low, high) = (
+        finite().fold(f64::INFINITY, f64::min),
+        finite().fold(0.0, f64::max),
+    );
+    if !low.is_finite() {
+        return frame(title, "", "");
+    }
+    let span = (high - low).max(1e-9);
+    let y = |v: f64| 12.0 + (high - v) / span * (HEIGHT - BOTTOM - 24.0);
+    let step = (WIDTH - LEFT - 12.0) / (values.len().max(2) - 1) as f64;
+    let points: Vec<String> = (0u32..)
+        .zip(values)
+        .filter(|(_, v)| v.is_finite())
+        .map(|(k, &v)| format!("{:.1},{:.1}", LEFT + f64::from(k) * step, y(v)))
+        .collect();
+    let body = format!(
+        "<polyline class=\"line\" points=\"{}\"/>\
+         <text x=\"{l}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>\
+         <text x=\"{l}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
+        points.join(" "),
+        y(high) + 4.0,
+        figure(high),
+        y(low) + 4.0,
+        figure(low),
+        l = LEFT - 6.0,
+    );
+    frame(title, &body, "iteration")
+}

@@ -1,0 +1,247 @@
+//! What a job did, for people and for machines.
+
+mod chart;
+mod page;
+mod verdict;
+
+use serde::Serialize;
+
+use crate::{
+    lloyd::DistanceSums,
+    pipeline::{InputCount, Outcome, StageCost},
+    quality::{DistanceFigures, DistanceTally, Uniformity, UniformityTally},
+};
+
+pub use verdict::{Verdict, verdicts};
+
+/// Bins of the histograms of nearest distances, and spacings that they span.
+const BINS: usize = 80;
+const SPANNED: f64 = 2.0;
+
+/// A job's report. Lengths are CRS units; a figure that there is none of is
+/// `null`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Version of the program.
+    pub version: String,
+    /// What was asked for: option and value.
+    pub settings: Vec<(String, String)>,
+    /// Points read, file by file.
+    pub inputs: Vec<InputCount>,
+    /// The cloud that was written.
+    pub output: String,
+    /// Points in it.
+    pub points: u64,
+    /// Its length in bytes.
+    pub bytes: u64,
+    /// Spacing that was aimed at.
+    pub spacing: f64,
+    /// Uniformity of the seeds that the solver began with.
+    pub seeds: Uniformity,
+    /// Uniformity of the output.
+    pub uniformity: Uniformity,
+    /// Output to nearest input.
+    pub accuracy: DistanceFigures,
+    /// Input to nearest output.
+    pub coverage: DistanceFigures,
+    /// Share of the output that was left where it was elected.
+    pub held: f64,
+    /// Share of the output whose tile saw all that it depends on.
+    pub exact: f64,
+    /// What became of the seams.
+    pub seams: Seams,
+    /// δ at the start of every iteration, and at the end.
+    pub convergence: Vec<f64>,
+    /// Nearest distances of seeds and output, in equal bins of 0 to 2 spacings.
+    pub histogram_seeds: Vec<u64>,
+    /// The same of the output.
+    pub histogram: Vec<u64>,
+    /// The tiles.
+    pub tiles: Vec<TileRow>,
+    /// What each stage took in this run.
+    pub stages: Vec<StageCost>,
+    /// The memory budget in bytes.
+    pub memory_budget: u64,
+    /// Most memory held, in bytes.
+    pub memory_peak: Option<u64>,
+    /// Temporary files, in bytes.
+    pub temporary: u64,
+    /// What is worth a line.
+    pub notes: Vec<String>,
+}
+
+/// Seams against the rest.
+#[derive(Clone, Debug, Serialize)]
+pub struct Seams {
+    /// Sites that several tiles delivered.
+    pub shared: u64,
+    /// Of those, agreed on to the bit.
+    pub identical: u64,
+    /// Of those, decided by their owner.
+    pub resolved_by_owner: u64,
+    /// Sites that their home does not know.
+    pub unmatched: u64,
+    /// Largest disagreement on a shared site.
+    pub largest_disagreement: f64,
+    /// Points written twice at one place.
+    pub duplicates: u64,
+    /// Within two spacings of a seam.
+    pub on_seams: Uniformity,
+    /// Elsewhere.
+    pub elsewhere: Uniformity,
+}
+
+/// One tile.
+#[derive(Clone, Debug, Serialize)]
+pub struct TileRow {
+    /// Its number.
+    pub id: u32,
+    /// South-west corner (world coordinates).
+    pub min: [f64; 2],
+    /// North-east corner.
+    pub max: [f64; 2],
+    /// Points of its core.
+    pub points: u64,
+    /// Points of core and halo.
+    pub points_seen: u64,
+    /// Points it put out.
+    pub sites: u64,
+    /// δ of its points, as written.
+    pub delta: f64,
+    /// Seconds that it took.
+    pub seconds: f64,
+}
+
+impl Report {
+    /// The report of a job that wrote `output` by `settings`.
+    pub fn new(outcome: &Outcome, output: &str, settings: Vec<(String, String)>) -> Self {
+        let spacing = outcome.plan.spacing;
+        let (mut seeds, mut after) = (UniformityTally::new(spacing), UniformityTally::new(spacing));
+        let (mut accuracy, mut coverage) =
+            (DistanceTally::new(spacing), DistanceTally::new(spacing));
+        let mut convergence: Vec<DistanceSums> = Vec::new();
+        let (mut sites, mut held, mut exact) = (0, 0, 0);
+        for tile in &outcome.tiles {
+            seeds.add(&tile.seeds);
+            after.add(&tile.uniformity);
+            accuracy.add(&tile.accuracy);
+            coverage.add(&tile.coverage);
+            convergence.resize(
+                tile.convergence.len().max(convergence.len()),
+                DistanceSums::default(),
+            );
+            for (sum, part) in convergence.iter_mut().zip(&tile.convergence) {
+                sum.add(part);
+            }
+            sites += tile.sites;
+            held += tile.held;
+            exact += tile.exact;
+        }
+        let stitched = &outcome.stitched;
+        // Distances as written, across seams; cells as the tiles saw them.
+        let uniformity = stitched.all.figures().with_cells_of(&after.figures());
+        let lattice = outcome.plan.lattice;
+        let corner =
+            |c: [i64; 2]| [0, 1].map(|axis| c[axis] as f64 * lattice.scale + lattice.offset[axis]);
+        Self {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            settings,
+            inputs: outcome.inputs.clone(),
+            output: output.to_owned(),
+            points: outcome.points,
+            bytes: outcome.bytes,
+            spacing,
+            seeds: seeds.figures(),
+            uniformity,
+            accuracy: accuracy.figures(),
+            coverage: coverage.figures(),
+            held: held as f64 / sites as f64,
+            exact: exact as f64 / sites as f64,
+            seams: Seams {
+                shared: stitched.seams.shared,
+                identical: stitched.seams.identical,
+                resolved_by_owner: stitched.seams.resolved_by_owner,
+                unmatched: stitched.seams.unmatched,
+                largest_disagreement: stitched.seams.disagreements().max,
+                duplicates: stitched.duplicates,
+                on_seams: stitched.on_seams.figures(),
+                elsewhere: stitched.elsewhere.figures(),
+            },
+            convergence: convergence.iter().map(DistanceSums::delta).collect(),
+            histogram_seeds: seeds.histogram(BINS, SPANNED),
+            histogram: stitched.all.histogram(BINS, SPANNED),
+            tiles: outcome
+                .tiles
+                .iter()
+                .zip(&outcome.delta_by_tile)
+                .map(|(figures, &delta)| TileRow {
+                    id: figures.tile.id,
+                    min: corner(figures.tile.core.min),
+                    max: corner(figures.tile.core.max),
+                    points: figures.tile.points_core,
+                    points_seen: figures.tile.points_seen,
+                    sites: figures.sites,
+                    delta,
+                    seconds: figures.seconds,
+                })
+                .collect(),
+            stages: outcome.stages.clone(),
+            memory_budget: outcome.plan.budget,
+            memory_peak: outcome.stages.iter().filter_map(|s| s.peak).max(),
+            temporary: outcome.plan.temporary,
+            notes: outcome.notes.clone(),
+        }
+    }
+
+    /// The report as JSON.
+    ///
+    /// # Panics
+    ///
+    /// Never: a report is numbers and text.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("a report is numbers and text")
+    }
+
+    /// The report as one page that needs nothing else.
+    pub fn to_html(&self) -> String {
+        page::page(self)
+    }
+
+    /// A few lines for a terminal.
+    pub fn summary(&self) -> String {
+        let mut text = String::new();
+        for verdict in verdicts(self) {
+            text += &format!(
+                "{:<9} {:<5} {}\n",
+                verdict.question, verdict.answer, verdict.figures
+            );
+        }
+        text
+    }
+}
+
+/// `1234567` as `1 234 567`.
+pub fn thousands(number: u64) -> String {
+    let digits = number.to_string();
+    let mut out = String::new();
+    for (place, digit) in digits.chars().enumerate() {
+        if place > 0 && (digits.len() - place) % 3 == 0 {
+            out.push(' ');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+/// A figure with four digits, or a dash where there is none.
+pub fn figure(value: f64) -> String {
+    if !value.is_finite() {
+        "–".to_owned()
+    } else if value != 0.0 && value.abs() < 1e-3 {
+        format!("{value:.2e}")
+    } else if value.abs() < 100.0 {
+        format!("{value:.4}")
+    } else {
+        format!("{value:.1}")
+    }
+}

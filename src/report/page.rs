@@ -1,0 +1,296 @@
+//! The report as one page: styles and charts inside, nothing fetched.
+
+use super::{Report, SPANNED, TileRow, chart, figure, thousands, verdicts};
+use crate::quality::Uniformity;
+
+const STYLE: &str = "
+:root{color-scheme:light dark;--ink:#1b2430;--paper:#fbfbf9;--soft:#66707c;--rule:#d9dcd6;
+--good:#1a7f4b;--look:#b4540a;--seeds:#c9b27c;--output:#2b6cb0}
+@media(prefers-color-scheme:dark){:root{--ink:#e8eaed;--paper:#14181d;--soft:#9aa4af;--rule:#2f3740;
+--good:#5fd39a;--look:#f0a35e;--seeds:#7d6b3c;--output:#63a4e6}}
+body{font:16px/1.5 system-ui,sans-serif;color:var(--ink);background:var(--paper);max-width:62rem;
+margin:0 auto;padding:1rem}
+h1{font-size:1.6rem}h2{font-size:1.15rem;margin-top:2.2rem;border-top:1px solid var(--rule);padding-top:1rem}
+.cards{display:grid;grid-template-columns:repeat(auto-fit,minmax(13rem,1fr));gap:.8rem}
+.card{border:1px solid var(--rule);border-radius:.6rem;padding:.8rem}
+.card b{font-size:1.2rem}.yes b{color:var(--good)}.look b{color:var(--look)}
+.wide{overflow-x:auto}table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}
+th,td{text-align:right;padding:.25rem .6rem;border-bottom:1px solid var(--rule)}
+th:first-child,td:first-child{text-align:left;overflow-wrap:anywhere}
+svg{width:100%;height:auto}svg text{fill:var(--soft);font-size:12px}
+.axis{stroke:var(--rule)}.line{fill:none;stroke:var(--output);stroke-width:2}
+.seeds{fill:var(--seeds)}.output{fill:var(--output);opacity:.75}.soft{color:var(--soft)}
+.map rect{stroke:var(--paper);stroke-width:.3%}
+@media print{body{max-width:none}}";
+
+/// Text as it may stand in a page.
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+}
+
+fn table(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
+    let cells = |row: &[String], tag: &str| -> String {
+        row.iter()
+            .map(|cell| format!("<{tag}>{}</{tag}>", escape(cell)))
+            .collect()
+    };
+    let head: Vec<String> = head.iter().map(|h| (*h).to_owned()).collect();
+    let rows: String = rows
+        .map(|row| format!("<tr>{}</tr>", cells(&row, "td")))
+        .collect();
+    format!(
+        "<div class=\"wide\"><table><thead><tr>{}</tr></thead><tbody>{rows}</tbody></table></div>",
+        cells(&head, "th")
+    )
+}
+
+pub(super) fn page(report: &Report) -> String {
+    let cards: String = verdicts(report)
+        .iter()
+        .map(|v| {
+            format!(
+                "<div class=\"card {}\"><span>{}</span> <b>{}</b><br><span class=\"soft\">{}</span></div>",
+                v.answer,
+                v.question,
+                v.answer,
+                escape(&v.figures)
+            )
+        })
+        .collect();
+    let sections = [
+        ("Figures", figures(report)),
+        (
+            "Nearest distances, in spacings: seeds (behind) and output",
+            chart::histograms(
+                "histogram of nearest distances, seeds and output",
+                &report.histogram_seeds,
+                &report.histogram,
+                SPANNED,
+            ),
+        ),
+        (
+            "δ by iteration",
+            chart::line("δ by iteration", &report.convergence),
+        ),
+        ("Tiles, coloured by δ", map(&report.tiles)),
+        ("Seams", seams(report)),
+        ("Time and memory", stages(report)),
+        ("Inputs", inputs(report)),
+        (
+            "Settings",
+            table(
+                &["option", "value"],
+                report
+                    .settings
+                    .iter()
+                    .map(|(k, v)| vec![k.clone(), v.clone()]),
+            ),
+        ),
+        ("Notes", notes(report)),
+    ];
+    let body: String = sections
+        .iter()
+        .filter(|(_, content)| !content.is_empty())
+        .map(|(title, content)| format!("<section><h2>{title}</h2>{content}</section>"))
+        .collect();
+    format!(
+        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">\
+         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
+         <title>lloydar report</title><style>{STYLE}</style></head><body><main>\
+         <h1>{} points, {} apart</h1><p class=\"soft\">{} · lloydar {}</p>\
+         <div class=\"cards\">{cards}</div>{body}</main></body></html>\n",
+        thousands(report.points),
+        figure(report.spacing),
+        escape(&report.output),
+        report.version
+    )
+}
+
+fn figures(report: &Report) -> String {
+    let row = |name: &str, of: &dyn Fn(&Uniformity) -> f64| {
+        vec![
+            name.to_owned(),
+            figure(of(&report.seeds)),
+            figure(of(&report.uniformity)),
+        ]
+    };
+    let uniformity = [
+        row("δ", &|u| u.delta),
+        row("δ without the largest 1 %", &|u| u.delta_trimmed),
+        row("energy over hexagonal (1 is ideal)", &|u| u.energy_ratio),
+        row("cell-area CV", &|u| u.cell_area_cv),
+        row("packing", &|u| u.packing),
+        row("share of six neighbours", &|u| u.six_neighbors),
+        row("mean nearest distance", &|u| u.mean),
+        row("smallest over mean", &|u| u.min),
+        row("p1 over mean", &|u| u.p1),
+        row("p99 over mean", &|u| u.p99),
+        row("σ over mean", &|u| u.sigma_over_mean),
+        row("ε", &|u| u.epsilon),
+    ];
+    let distances = [
+        ("output to input", &report.accuracy),
+        ("input to output", &report.coverage),
+    ]
+    .map(|(name, d)| {
+        vec![
+            name.to_owned(),
+            figure(d.mean),
+            figure(d.p99),
+            figure(d.max),
+            format!("{:.3} %", 100.0 * d.share_beyond),
+        ]
+    });
+    table(&["", "seeds", "output"], uniformity.into_iter())
+        + &table(
+            &["distance", "mean", "p99", "max", "beyond 1.5 spacings"],
+            distances.into_iter(),
+        )
+}
+
+/// Tiles as seen from above.
+fn map(tiles: &[TileRow]) -> String {
+    let fold = |of: &dyn Fn(&TileRow) -> f64, with: fn(f64, f64) -> f64, from: f64| {
+        tiles
+            .iter()
+            .map(of)
+            .filter(|v| v.is_finite())
+            .fold(from, with)
+    };
+    let (west, south) = (
+        fold(&|t| t.min[0], f64::min, f64::INFINITY),
+        fold(&|t| t.min[1], f64::min, f64::INFINITY),
+    );
+    let (east, north) = (
+        fold(&|t| t.max[0], f64::max, f64::NEG_INFINITY),
+        fold(&|t| t.max[1], f64::max, f64::NEG_INFINITY),
+    );
+    if tiles.is_empty() || !(east > west && north > south) {
+        return String::new();
+    }
+    let (low, high) = (
+        fold(&|t| t.delta, f64::min, f64::INFINITY),
+        fold(&|t| t.delta, f64::max, 0.0),
+    );
+    let scale = 1000.0 / (east - west).max(north - south);
+    let rects: String = tiles
+        .iter()
+        .map(|tile| {
+            let share = ((tile.delta - low) / (high - low).max(1e-12)).clamp(0.0, 1.0);
+            // From blue, even, to orange, uneven; lighter towards the middle.
+            let hue = if tile.delta.is_finite() { 210.0 - 180.0 * share } else { 0.0 };
+            format!(
+                "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" \
+                 fill=\"hsl({hue:.0} 60% 50%)\"><title>tile {}: δ {}, {} points out of {}, {:.1} s</title></rect>",
+                (tile.min[0] - west) * scale,
+                (north - tile.max[1]) * scale,
+                (tile.max[0] - tile.min[0]) * scale,
+                (tile.max[1] - tile.min[1]) * scale,
+                tile.id,
+                figure(tile.delta),
+                thousands(tile.sites),
+                thousands(tile.points),
+                tile.seconds
+            )
+        })
+        .collect();
+    format!(
+        "<svg class=\"map\" viewBox=\"0 0 {:.0} {:.0}\" role=\"img\" aria-label=\"map of tiles\">{rects}</svg>\
+         <p class=\"soft\">blue: δ {} – orange: δ {}; hover for figures</p>",
+        (east - west) * scale,
+        (north - south) * scale,
+        figure(low),
+        figure(high)
+    )
+}
+
+fn seams(report: &Report) -> String {
+    let seams = &report.seams;
+    let row = |name: &str, u: &Uniformity| {
+        vec![
+            name.to_owned(),
+            thousands(u.count),
+            figure(u.delta),
+            figure(u.mean),
+            figure(u.min),
+        ]
+    };
+    let rows = [
+        row("within two spacings of a seam", &seams.on_seams),
+        row("elsewhere", &seams.elsewhere),
+    ];
+    table(
+        &["", "points", "δ", "mean distance", "smallest over mean"],
+        rows.into_iter(),
+    ) + &format!(
+        "<p>{} sites were solved by several tiles; {} of them agree to the bit, {} were decided \
+             by their owner; the largest disagreement is {}. {:.2} % of all sites are exact: their \
+             tile saw everything they depend on.</p>",
+        thousands(seams.shared),
+        thousands(seams.identical),
+        thousands(seams.resolved_by_owner),
+        figure(seams.largest_disagreement),
+        100.0 * report.exact
+    )
+}
+
+fn stages(report: &Report) -> String {
+    let mebibytes = |bytes: u64| format!("{} MiB", thousands(bytes >> 20));
+    let rows = report.stages.iter().map(|stage| {
+        vec![
+            stage.stage.clone(),
+            format!("{:.2}", stage.seconds),
+            stage.peak.map_or("–".into(), mebibytes),
+        ]
+    });
+    table(&["stage", "seconds", "peak memory so far"], rows)
+        + &format!(
+            "<p class=\"soft\">budget {}, temporary files {}</p>",
+            mebibytes(report.memory_budget),
+            mebibytes(report.temporary)
+        )
+}
+
+fn inputs(report: &Report) -> String {
+    let rows = report.inputs.iter().map(|input| {
+        vec![
+            input.path.clone(),
+            thousands(input.claimed),
+            thousands(input.read),
+            thousands(input.rejected),
+        ]
+    });
+    table(&["file", "claimed", "read", "rejected"], rows)
+}
+
+fn notes(report: &Report) -> String {
+    let items: String = report
+        .notes
+        .iter()
+        .map(|note| format!("<li>{}</li>", escape(note)))
+        .collect();
+    if items.is_empty() {
+        items
+    } else {
+        format!("<ul>{items}</ul>")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_cannot_become_markup() {
+        let cell = table(&["a"], [vec!["<script>&\"".to_owned()]].into_iter());
+        assert!(cell.contains("&lt;script&gt;&amp;&quot;") && !cell.contains("<script>"));
+    }
+
+    #[test]
+    fn a_map_of_nothing_is_nothing() {
+        assert_eq!(map(&[]), "");
+    }
+}

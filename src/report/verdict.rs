@@ -1,0 +1,87 @@
+//! Four questions that the morning asks.
+
+use super::{Report, figure};
+
+/// An answer, with the figures behind it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Verdict {
+    /// What was asked.
+    pub question: &'static str,
+    /// `yes` or `look`.
+    pub answer: &'static str,
+    /// Why.
+    pub figures: String,
+}
+
+/// Lloyd must have made the cells more even than Poisson seeds are: less than
+/// this share of the seeds' CV. A half is usual on smooth surfaces, and leaves
+/// and wires are left as seeds.
+const EVENER: f64 = 0.95;
+/// Output this near to the input on average is on the surface, in spacings.
+const NEAR: f64 = 0.25;
+/// Input farther than 1.5 spacings from any output, at most.
+const UNCOVERED: f64 = 0.02;
+/// δ on seams over δ elsewhere.
+const SEAM: f64 = 1.1;
+
+fn verdict(question: &'static str, good: bool, figures: String) -> Verdict {
+    Verdict {
+        question,
+        answer: if good { "yes" } else { "look" },
+        figures,
+    }
+}
+
+/// Uniform? Faithful? Seamless? Complete?
+pub fn verdicts(report: &Report) -> [Verdict; 4] {
+    let (u, s) = (&report.uniformity, &report.seeds);
+    let seams = &report.seams;
+    let read: u64 = report.inputs.iter().map(|input| input.read).sum();
+    let rejected: u64 = report.inputs.iter().map(|input| input.rejected).sum();
+    // No seams, or too few points on them to speak of.
+    let no_seams = seams.on_seams.count < 100;
+    [
+        verdict(
+            "uniform?",
+            u.cell_area_cv < EVENER * s.cell_area_cv,
+            format!(
+                "δ {}, energy {}, cell-area CV {} (seeds {})",
+                figure(u.delta),
+                figure(u.energy_ratio),
+                figure(u.cell_area_cv),
+                figure(s.cell_area_cv)
+            ),
+        ),
+        verdict(
+            "faithful?",
+            report.accuracy.mean < NEAR * report.spacing
+                && report.coverage.share_beyond < UNCOVERED,
+            format!(
+                "to input {} mean, {} max; {:.2} % uncovered",
+                figure(report.accuracy.mean),
+                figure(report.accuracy.max),
+                100.0 * report.coverage.share_beyond
+            ),
+        ),
+        verdict(
+            "seamless?",
+            seams.duplicates == 0
+                && (no_seams || seams.on_seams.delta <= SEAM * seams.elsewhere.delta),
+            format!(
+                "δ {} on seams, {} elsewhere; {} of {} shared agree to the bit",
+                figure(seams.on_seams.delta),
+                figure(seams.elsewhere.delta),
+                seams.identical,
+                seams.shared
+            ),
+        ),
+        verdict(
+            "complete?",
+            rejected == 0,
+            format!(
+                "{read} points read, {rejected} rejected, {} written",
+                report.points
+            ),
+        ),
+    ]
+}
