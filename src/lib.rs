@@ -1,4 +1,41 @@
 //! Turns laser scans larger than memory into evenly spaced points.
+//!
+//! The story of the data:
+//!
+//! ```text
+//!   survey ─► scatter ─► plan ─► solve (each tile alone) ─► stitch ─► write ─► report
+//! ```
+//!
+//! A **survey** reads headers only, and puts the run on one scale and offset
+//! ([`geometry::Lattice`]). **Scatter** decodes every file once ([`las`]) and
+//! appends each point to the spill of its cell, a square of a grid of integers
+//! ([`tile`]). Now the true counts are known, and the **plan** cuts the plane
+//! into tiles whose points fit the memory budget together with a *halo* of their
+//! neighbours' points.
+//!
+//! A tile is **solved** alone ([`lloyd`]): seeds are elected from the scan by a
+//! rule that only looks near by, and moved, iteration by iteration, to the
+//! centroids of their Voronoi cells, restricted to quadratic patches fitted to
+//! the scan ([`geometry`]). Every seed has an identity that does not depend on
+//! tiles, and everything is computed from the data in an order given by the
+//! data: where two tiles both see enough, they hold the same bits. So the
+//! **stitch** joins them by identity, each seed once, and there is no seam to be
+//! found. Each point takes all its attributes from the nearest point of the
+//! scan, and is **written** once, to a file that is complete under its name or
+//! not there. The **report** ([`report`]) says how uniform, how faithful and
+//! how seamless the result is ([`quality`]).
+//!
+//! [`pipeline`] runs the stages within threads and memory, and goes on where an
+//! earlier run stopped; [`config`] says what was asked for; [`simulate`] makes a
+//! street with known surfaces to try everything on.
+//!
+//! Layers, dependencies only downwards:
+//!
+//! ```text
+//!   application   config  pipeline  report  (and the binary)
+//!   files         las  tile
+//!   numbers       geometry  lloyd  quality  simulate
+//! ```
 
 pub mod config;
 pub mod geometry;

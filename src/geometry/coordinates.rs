@@ -30,6 +30,24 @@ pub struct Stored {
     pub z: i32,
 }
 
+impl Stored {
+    /// The point that begins `record`: x, y, z, little endian.
+    ///
+    /// # Panics
+    ///
+    /// If the record is shorter than twelve bytes.
+    pub fn of_record(record: &[u8]) -> Self {
+        let coordinate = |at: usize| {
+            i32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]])
+        };
+        Self {
+            x: coordinate(0),
+            y: coordinate(4),
+            z: coordinate(8),
+        }
+    }
+}
+
 /// The run's one scale and offset: world = offset + scale × stored.
 ///
 /// One scale serves the three axes, so that distances between stored points

@@ -16,7 +16,7 @@ use ::las::{
 };
 
 use super::{Crs, LasError, RecordFormat};
-use crate::geometry::Lattice;
+use crate::geometry::{Lattice, Stored};
 
 /// What is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -333,7 +333,7 @@ fn ply_header(header: &CloudHeader) -> (String, u64) {
 }
 
 fn ply_vertex(header: &CloudHeader, record: &[u8], out: &mut Vec<u8>) {
-    for c in header.lattice.world(crate::tile::stored(record)) {
+    for c in header.lattice.world(Stored::of_record(record)) {
         out.extend(c.to_le_bytes());
     }
     if header.record.has_color() {

@@ -445,8 +445,9 @@ impl Job {
     ) -> Result<JobPlan, JobError> {
         let lattice = survey.lattice;
         let halo = self.settings.halo.unwrap_or_else(|| options.halo());
-        // A tile may lie where the scan is sparse: allow it twice the mean.
-        let seeds_per_point = (2.0 * points_out as f64 / spill.points() as f64).min(1.0);
+        // A tile may lie where the scan is sparse: allow it a quarter more
+        // than the mean.
+        let seeds_per_point = (1.25 * points_out as f64 / spill.points() as f64).min(1.0);
         let most_points = budget.points_per_tile(seeds_per_point);
         let path = self.dir.join("plan.json");
         // Tiles solved under another plan would not fit together: the first

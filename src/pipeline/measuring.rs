@@ -110,7 +110,7 @@ fn measure_in(
     let mut places = Vec::new();
     if let Some(tile) = first.tiles.first() {
         spill.gather(&tile.core, |record| {
-            places.push(lattice.local(crate::tile::stored(record)))
+            places.push(lattice.local(Stored::of_record(record)))
         })?;
     }
     let extent = spill.bounds().extent() as f64 * lattice.scale;
@@ -144,7 +144,7 @@ fn measure_in(
     for tile in &plan.tiles {
         let known = tile.core.grown(plan.halo);
         let mut points: Vec<Stored> = Vec::new();
-        spill.gather(&known, |record| points.push(crate::tile::stored(record)))?;
+        spill.gather(&known, |record| points.push(Stored::of_record(record)))?;
         let scan = Scan::new(points, lattice, spacing, options.fit_radius, 0);
         let domain = Domain {
             known,

@@ -49,20 +49,20 @@ const BASE: u64 = 48 << 20;
 /// Memory of a decoder with its batches: LAZ models, raw and converted points,
 /// what waits for the writer.
 const PER_DECODER: u64 = 16 << 20;
-/// Memory for each point that a tile sees (measured; the sort of the scan is
-/// the peak).
-const PER_POINT: f64 = 56.0;
-/// Memory for each voxel of a tile's scan: sample, table, order.
-const PER_VOXEL: f64 = 112.0;
-/// Voxels to a seed, at most: nine of a plane that lies in the lattice, twice
-/// as many of one that crosses it.
-const VOXELS_PER_SEED: f64 = 20.0;
+/// Memory for each point of a tile that is being read (the sort of the scan is
+/// the peak), and of one that is being solved.
+const PER_POINT_READ: f64 = 56.0;
+const PER_POINT_SOLVED: f64 = 12.0;
+/// Memory for each voxel of a tile's scan: sample, table, order. A tile is
+/// solved while the next one is read: both have voxels.
+const PER_VOXEL: f64 = 2.0 * 112.0;
+/// Voxels to a seed, about: nine of a plane that lies in the lattice, half as
+/// many again of one that crosses it.
+const VOXELS_PER_SEED: f64 = 14.0;
 /// Memory for each seed of a tile: states, steps, cells, histories.
-const PER_SEED: f64 = 1700.0;
-/// A tile is solved while the next one is read.
-const TILES_AT_ONCE: f64 = 2.0;
+const PER_SEED: f64 = 1600.0;
 /// The allocator does not give everything back at once.
-const USABLE: f64 = 0.85;
+const USABLE: f64 = 0.9;
 /// No tile larger than this, whatever the budget: a tile is what a stopped job
 /// loses.
 const MOST_POINTS: u64 = 16 << 20;
@@ -98,13 +98,13 @@ impl Budget {
     /// Points that a tile may see if every point becomes `seeds_per_point`
     /// seeds.
     pub(super) fn points_per_tile(&self, seeds_per_point: f64) -> u64 {
-        let bytes = self.total.saturating_sub(BASE) as f64 * USABLE / TILES_AT_ONCE;
+        let bytes = self.total.saturating_sub(BASE) as f64 * USABLE;
         ((bytes / bytes_per_point(seeds_per_point)) as u64).min(MOST_POINTS)
     }
 
     /// The budget with which a tile of `points` would fit.
     pub(super) fn needed_for(&self, points: u64, seeds_per_point: f64) -> u64 {
-        let bytes = points as f64 * bytes_per_point(seeds_per_point) * TILES_AT_ONCE / USABLE;
+        let bytes = points as f64 * bytes_per_point(seeds_per_point) / USABLE;
         BASE + bytes as u64
     }
 
@@ -117,7 +117,7 @@ impl Budget {
 fn bytes_per_point(seeds_per_point: f64) -> f64 {
     let seeds = seeds_per_point.clamp(0.0, 1.0);
     let voxels = (seeds * VOXELS_PER_SEED).min(1.0);
-    PER_POINT + PER_VOXEL * voxels + PER_SEED * seeds
+    PER_POINT_READ + PER_POINT_SOLVED + PER_VOXEL * voxels + PER_SEED * seeds
 }
 
 #[cfg(test)]

@@ -71,7 +71,7 @@ pub(super) fn load(
     let known = tile.core.grown(plan.halo);
     let mut points: Vec<Stored> =
         Vec::with_capacity(usize::try_from(tile.points_seen).unwrap_or(0));
-    spill.gather(&known, |record| points.push(crate::tile::stored(record)))?;
+    spill.gather(&known, |record| points.push(Stored::of_record(record)))?;
     let scan = Scan::new(
         points,
         lattice,
@@ -198,7 +198,7 @@ fn nearest_records(
     }
     let mut smallest: BTreeMap<Stored, Vec<u8>> = BTreeMap::new();
     spill.gather(known, |record| {
-        let point = crate::tile::stored(record);
+        let point = Stored::of_record(record);
         if wanted.contains_key(&point) {
             smallest
                 .entry(point)

@@ -105,7 +105,7 @@ pub(super) fn seeds(
     for tile in parts.tiles.iter().step_by(every) {
         let mut points: Vec<Stored> = Vec::new();
         spill.gather(&tile.core.grown(parts.halo), |record| {
-            points.push(crate::tile::stored(record));
+            points.push(Stored::of_record(record));
         })?;
         let scan = Scan::new(points, *lattice, spacing, fit_radius, settings.seed);
         elected += elected_in(&scan, spacing, settings.seed, &tile.core);

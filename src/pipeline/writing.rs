@@ -10,10 +10,10 @@ use serde::{Deserialize, Serialize};
 
 use super::{JobError, Progress, solving::BAND};
 use crate::{
-    geometry::{Lattice, Local, NeighborGrid, Rect},
+    geometry::{Lattice, Local, NeighborGrid, Rect, Stored},
     las::{CloudWriter, move_to},
     quality::UniformityTally,
-    tile::{Guest, Plan, SeamTally, SolvedTile, Tile, blend, stored},
+    tile::{Guest, Plan, SeamTally, SolvedTile, Tile, blend},
 };
 
 /// How near to another tile is "on the seam", in spacings.
@@ -67,7 +67,9 @@ pub(super) fn settle(
         let places = blend(&tile.core, &own.core, &guests, band, &mut tally);
         for (record, place) in own.records.chunks_exact_mut(own.record_length).zip(places) {
             // A site that is nowhere stays where it was elected.
-            let place = lattice.stored(place).unwrap_or_else(|| stored(record));
+            let place = lattice
+                .stored(place)
+                .unwrap_or_else(|| Stored::of_record(record));
             move_to(record, place);
         }
         write_settled(dir, tile.id, &own.records)?;
@@ -122,7 +124,7 @@ pub(super) fn write(
             .collect();
         let mut places: Vec<Local> = records
             .chunks_exact(record_length)
-            .map(|record| lattice.local(stored(record)))
+            .map(|record| lattice.local(Stored::of_record(record)))
             .collect();
         let own = places.len();
         for other in adjacent(plan, tile, reach) {
@@ -130,7 +132,7 @@ pub(super) fn write(
             places.extend(
                 read_settled(dir, other.id)?
                     .chunks_exact(record_length)
-                    .map(stored)
+                    .map(Stored::of_record)
                     .filter(|&point| wide.contains(point))
                     .map(|point| lattice.local(point)),
             );
@@ -147,7 +149,7 @@ pub(super) fn write(
                 continue;
             };
             let distance = squared.sqrt();
-            let point = stored(record);
+            let point = Stored::of_record(record);
             let is_on_seam = near.iter().any(|core| core.depth(point) > -seam);
             stitched.duplicates += u64::from(distance == 0.0);
             stitched.all.push_distance(distance);

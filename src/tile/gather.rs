@@ -3,8 +3,8 @@
 
 use std::fs::File;
 
-use super::{Spill, TileError, map::window, spill::Chunk, stored};
-use crate::geometry::Rect;
+use super::{Spill, TileError, map::window, spill::Chunk};
+use crate::geometry::{Rect, Stored};
 
 /// Largest window mapped at once.
 const WINDOW_BYTES: u64 = 8 << 20;
@@ -53,7 +53,7 @@ impl Spill {
         let records = &window[start..start + chunk.bytes as usize];
         let is_inside = rect.covers(&self.grid().rect(chunk.cell));
         for record in records.chunks_exact(self.record_length()) {
-            if is_inside || rect.contains(stored(record)) {
+            if is_inside || rect.contains(Stored::of_record(record)) {
                 visit(record);
             }
         }
@@ -143,7 +143,7 @@ mod tests {
                 };
                 let mut truth: Vec<Vec<u8>> = all
                     .iter()
-                    .filter(|r| rect.contains(stored(r)))
+                    .filter(|r| rect.contains(Stored::of_record(r)))
                     .cloned()
                     .collect();
                 truth.sort();

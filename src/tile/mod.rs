@@ -29,8 +29,6 @@ pub use stitch::{Guest, SeamTally, blend};
 
 use std::{io, path::Path};
 
-use crate::geometry::Stored;
-
 /// What goes wrong with temporary files.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -95,25 +93,5 @@ impl TileError {
         Self::Damaged {
             path: path.display().to_string(),
         }
-    }
-}
-
-/// The coordinates of a record.
-///
-/// # Panics
-///
-/// If the record is shorter than twelve bytes.
-pub fn stored(record: &[u8]) -> Stored {
-    let coordinate = |at: usize| {
-        i32::from_le_bytes(
-            record[at..at + 4]
-                .try_into()
-                .expect("four bytes were taken"),
-        )
-    };
-    Stored {
-        x: coordinate(0),
-        y: coordinate(4),
-        z: coordinate(8),
     }
 }

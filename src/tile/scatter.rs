@@ -25,10 +25,11 @@ use std::{
 
 use crossbeam::channel;
 
+use crate::geometry::Stored;
+
 use super::{
     CellGrid, CellKey, TileError,
     spill::{Bounds, Chunk, Index, SquareCounts, spill_path},
-    stored,
 };
 
 /// Why a source failed: said by the source, passed on as it is.
@@ -184,7 +185,7 @@ fn sorted_by_cell(source: usize, records: &[u8], grid: CellGrid, record_length: 
     let mut order: Vec<(CellKey, u32)> = records
         .chunks_exact(record_length)
         .zip(0..)
-        .map(|(record, place)| (grid.cell(stored(record)), place))
+        .map(|(record, place)| (grid.cell(Stored::of_record(record)), place))
         .collect();
     // Scanners sweep: most neighbours in time are in one cell already.
     order.sort_unstable();
@@ -244,7 +245,7 @@ impl Writer {
             start = end;
             let counts = self.counts.entry(cell).or_insert_with(|| Box::new([0; _]));
             for record in records.chunks_exact(self.record_length) {
-                let point = stored(record);
+                let point = Stored::of_record(record);
                 counts[self.grid.square_in_cell(point)] += 1;
                 self.bounds.grow(point);
             }

@@ -1,0 +1,261 @@
+//! The solver on surfaces whose answer is known.
+
+use lloydar::{
+    geometry::{Lattice, Local, PatchKind, Rect, Stored},
+    lloyd::{Acceleration, Domain, Options, Restriction, Scan, SeedRule, Site, Solution, solve},
+    quality::{CellFigures, Uniformity, UniformityTally},
+};
+
+const LATTICE: Lattice = Lattice {
+    scale: 1e-6,
+    offset: [0.0; 3],
+};
+
+struct Dice(u64);
+
+impl Dice {
+    fn roll(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+/// `n` even points of the unit sphere.
+fn sphere(n: usize) -> Vec<Stored> {
+    let mut dice = Dice(1);
+    (0..n)
+        .map(|_| {
+            let z = 2.0 * dice.roll() - 1.0;
+            let turn = std::f64::consts::TAU * dice.roll();
+            let r = (1.0 - z * z).sqrt();
+            LATTICE.quantise([r * turn.cos(), r * turn.sin(), z]).unwrap()
+        })
+        .collect()
+}
+
+/// `n` even points over a wavy sheet of 2 × 2.
+fn sheet(n: usize) -> Vec<Stored> {
+    let mut dice = Dice(2);
+    (0..n)
+        .map(|_| {
+            let (x, y) = (2.0 * dice.roll(), 2.0 * dice.roll());
+            LATTICE.quantise([x, y, 0.1 * (5.0 * x).sin() * (4.0 * y).cos()]).unwrap()
+        })
+        .collect()
+}
+
+/// The spacing of `n` sites on `area`.
+fn spacing(area: f64, n: f64) -> f64 {
+    (2.0 * area / n / 3.0_f64.sqrt()).sqrt()
+}
+
+fn run(points: Vec<Stored>, domain: &Domain, options: &Options) -> Solution {
+    let scan = Scan::new(points, LATTICE, options.spacing, options.fit_radius, options.seed);
+    solve(&scan, domain, options)
+}
+
+fn uniformity(sites: &[Site], delta_of: &Solution, spacing: f64) -> (Uniformity, f64) {
+    let mut tally = UniformityTally::new(spacing);
+    for site in sites.iter().filter(|s| s.is_closed && !s.is_held) {
+        tally.push_cell(CellFigures {
+            area: site.area,
+            energy: site.energy,
+            neighbors: site.neighbors,
+        });
+    }
+    let last = delta_of.convergence.last().unwrap();
+    let figures = tally.figures();
+    let cell = figures.packing;
+    assert!(cell.is_nan(), "no distances were tallied");
+    let mean = last.sum / last.count as f64;
+    let area: f64 = sites.iter().filter(|s| s.is_closed && !s.is_held).map(|s| s.area).sum();
+    let hexagonal = (2.0 * area / figures.cells as f64 / 3.0_f64.sqrt()).sqrt();
+    (figures, mean / hexagonal)
+}
+
+#[test]
+fn a_sphere_becomes_as_even_as_promised() {
+    let four_pi = 4.0 * std::f64::consts::PI;
+    let h = spacing(four_pi, 10_350.0);
+    for acceleration in [Acceleration::Relaxation, Acceleration::Anderson] {
+        let options = Options {
+            acceleration,
+            ..Options::new(h)
+        };
+        let solution = run(sphere(300_000), &Domain::everything(), &options);
+        let (figures, packing) = uniformity(&solution.sites, &solution, h);
+        let delta = solution.convergence.last().unwrap().delta();
+        assert!((9_700..10_300).contains(&solution.sites.len()), "{}", solution.sites.len());
+        assert!(figures.energy_ratio <= 1.025, "{acceleration:?}: {}", figures.energy_ratio);
+        assert!(figures.cell_area_cv <= 0.07, "{acceleration:?}: {}", figures.cell_area_cv);
+        assert!(delta <= 0.053, "{acceleration:?}: {delta}");
+        assert!(packing >= 0.90, "{acceleration:?}: {packing}");
+        // The cells tile the sphere: their areas are its area.
+        let area: f64 = solution.sites.iter().map(|s| s.area).sum();
+        assert!((area / four_pi - 1.0).abs() < 0.003, "{area}");
+        // And the sites lie on it.
+        let off = solution.sites.iter().map(|s| (s.position.norm() - 1.0).abs());
+        assert!(off.fold(0.0, f64::max) < 1e-4);
+    }
+}
+
+#[test]
+fn every_rule_and_acceleration_ends_more_even_than_it_began() {
+    let h = spacing(4.3, 4_000.0);
+    for seeds in [SeedRule::Poisson, SeedRule::Area, SeedRule::Random] {
+        for acceleration in [
+            Acceleration::None,
+            Acceleration::Relaxation,
+            Acceleration::Anderson,
+            Acceleration::AndersonGlobal,
+        ] {
+            let options = Options {
+                seeds,
+                acceleration,
+                seeds_per_point: 0.04,
+                ..Options::new(h)
+            };
+            let solution = run(sheet(100_000), &Domain::everything(), &options);
+            let (before, _) = uniformity(&solution.seeds, &solution, h);
+            let (after, _) = uniformity(&solution.sites, &solution, h);
+            assert!(
+                after.energy_ratio < before.energy_ratio && after.cell_area_cv < before.cell_area_cv,
+                "{seeds:?}, {acceleration:?}"
+            );
+        }
+    }
+}
+
+/// A patch of the plane in which the hexagonal lattice itself is the scan: no
+/// site inside may move.
+#[test]
+fn the_hexagonal_lattice_is_a_fixed_point() {
+    let h = 0.02;
+    let lattice: Vec<Stored> = (-40..40)
+        .flat_map(|i| (-40..40).map(move |j| (f64::from(i), f64::from(j))))
+        .map(|(i, j)| {
+            LATTICE
+                .quantise([h * (i + 0.5 * j), h * j * 0.75_f64.sqrt(), 0.0])
+                .unwrap()
+        })
+        .collect();
+    // All points are farther apart than the election's radius: all are seeds.
+    let options = Options {
+        fit_radius: 2.2 * h,
+        iterations: 5,
+        ..Options::new(h)
+    };
+    let solution = run(lattice.clone(), &Domain::everything(), &options);
+    assert_eq!(solution.sites.len(), lattice.len());
+    let still = |site: &&Site| {
+        let start = LATTICE.local(site.identity);
+        start.norm() < 0.3 && (site.position - start).norm() < 1e-4 * h
+    };
+    let inside = solution.sites.iter().filter(|s| LATTICE.local(s.identity).norm() < 0.3);
+    assert_eq!(solution.sites.iter().filter(still).count(), inside.count());
+}
+
+#[test]
+fn without_the_boundary_restriction_sites_drift_from_the_border() {
+    let h = 0.05;
+    let beyond = |restriction| {
+        let options = Options {
+            restriction,
+            ..Options::new(h)
+        };
+        let solution = run(sheet(60_000), &Domain::everything(), &options);
+        solution
+            .sites
+            .iter()
+            .map(|s| (-s.position.x).max(s.position.x - 2.0).max(-s.position.y).max(s.position.y - 2.0))
+            .fold(f64::NEG_INFINITY, f64::max)
+    };
+    let input_spacing = (4.3_f64 / 60_000.0).sqrt();
+    assert!(beyond(Restriction::Local) <= 1.5 * input_spacing);
+    assert!(beyond(Restriction::Global(0.5 * input_spacing)) <= 0.5 * input_spacing + 1e-9);
+    assert!(beyond(Restriction::None) > 3.0 * input_spacing);
+}
+
+#[test]
+fn planes_are_fitted_where_they_are_asked_for() {
+    let h = spacing(4.0 * std::f64::consts::PI, 600.0);
+    let off = |patch| {
+        let options = Options {
+            patch,
+            ..Options::new(h)
+        };
+        let solution = run(sphere(40_000), &Domain::everything(), &options);
+        solution.sites.iter().map(|s| (s.position.norm() - 1.0).abs()).sum::<f64>()
+            / solution.sites.len() as f64
+    };
+    // A plane through a curved neighbourhood lies inside of it.
+    assert!(off(PatchKind::Quadratic) < 0.1 * off(PatchKind::Plane));
+}
+
+/// Two halves of a sheet, solved alone, against the whole of it.
+#[test]
+fn a_tile_that_sees_enough_has_the_bits_of_the_whole() {
+    let h = spacing(4.3, 30_000.0);
+    let options = Options {
+        iterations: 12,
+        ..Options::new(h)
+    };
+    let whole = run(sheet(400_000), &Domain::everything(), &options);
+    let middle = 1_000_000;
+    let halo = LATTICE.units(options.halo());
+    for (from, to) in [(-10, middle), (middle, 2_000_010)] {
+        let core = Rect {
+            min: [from, -10],
+            max: [to, 2_000_010],
+        };
+        let known = core.grown(halo);
+        let seen: Vec<Stored> = sheet(400_000).into_iter().filter(|&p| known.contains(p)).collect();
+        assert!(seen.len() < 320_000);
+        let domain = Domain {
+            known,
+            core,
+            band: LATTICE.units(3.0 * h),
+        };
+        let part = run(seen, &domain, &options);
+        let mut compared = 0;
+        for site in part.sites.iter().filter(|s| core.contains(s.identity)) {
+            let twin = whole.sites.binary_search_by_key(&site.identity, |s| s.identity);
+            let twin = whole.sites[twin.expect("the same seeds are elected")];
+            assert_eq!(site.position, twin.position);
+            compared += 1;
+        }
+        assert!(compared > 13_000);
+    }
+}
+
+#[test]
+fn degenerate_scans_are_survived() {
+    let line: Vec<Stored> = (0..20_000).map(|x| Stored { x: 50 * x, y: 0, z: 0 }).collect();
+    let equal = vec![Stored { x: 1, y: 2, z: 3 }; 20_000];
+    let grid: Vec<Stored> = (0..150)
+        .flat_map(|x| (0..150).map(move |y| Stored { x: 6000 * x, y: 6000 * y, z: 0 }))
+        .collect();
+    for (points, least) in [(line, 20), (equal, 1), (grid, 300), (Vec::new(), 0)] {
+        let solution = run(points, &Domain::everything(), &Options::new(0.04));
+        assert!(solution.sites.len() >= least);
+        assert!(solution.sites.iter().all(|s| s.position.iter().all(|c: &f64| c.is_finite())));
+    }
+}
+
+#[test]
+fn a_scan_of_noise_keeps_its_seeds() {
+    let mut dice = Dice(5);
+    let fog: Vec<Stored> = (0..30_000)
+        .map(|_| LATTICE.quantise([dice.roll(), dice.roll(), dice.roll()]).unwrap())
+        .collect();
+    let solution = run(fog, &Domain::everything(), &Options::new(0.1));
+    // Where nothing is a surface, nothing may move.
+    let moved = |s: &&Site| (s.position - LATTICE.local(s.identity)).norm() > 1e-12;
+    let held = solution.sites.iter().filter(|s| s.is_held).count();
+    assert!(held * 10 > solution.sites.len() * 7, "{held} of {}", solution.sites.len());
+    assert!(solution.sites.iter().filter(|s| s.is_held).filter(moved).count() * 4 < held);
+    let _: Local = solution.sites[0].position;
+}
