@@ -31,7 +31,9 @@ fn sphere(n: usize) -> Vec<Stored> {
             let z = 2.0 * dice.roll() - 1.0;
             let turn = std::f64::consts::TAU * dice.roll();
             let r = (1.0 - z * z).sqrt();
-            LATTICE.quantise([r * turn.cos(), r * turn.sin(), z]).unwrap()
+            LATTICE
+                .quantise([r * turn.cos(), r * turn.sin(), z])
+                .unwrap()
         })
         .collect()
 }
@@ -42,7 +44,9 @@ fn sheet(n: usize) -> Vec<Stored> {
     (0..n)
         .map(|_| {
             let (x, y) = (2.0 * dice.roll(), 2.0 * dice.roll());
-            LATTICE.quantise([x, y, 0.1 * (5.0 * x).sin() * (4.0 * y).cos()]).unwrap()
+            LATTICE
+                .quantise([x, y, 0.1 * (5.0 * x).sin() * (4.0 * y).cos()])
+                .unwrap()
         })
         .collect()
 }
@@ -53,7 +57,13 @@ fn spacing(area: f64, n: f64) -> f64 {
 }
 
 fn run(points: Vec<Stored>, domain: &Domain, options: &Options) -> Solution {
-    let scan = Scan::new(points, LATTICE, options.spacing, options.fit_radius, options.seed);
+    let scan = Scan::new(
+        points,
+        LATTICE,
+        options.spacing,
+        options.fit_radius,
+        options.seed,
+    );
     solve(&scan, domain, options)
 }
 
@@ -71,7 +81,11 @@ fn uniformity(sites: &[Site], delta_of: &Solution, spacing: f64) -> (Uniformity,
     let cell = figures.packing;
     assert!(cell.is_nan(), "no distances were tallied");
     let mean = last.sum / last.count as f64;
-    let area: f64 = sites.iter().filter(|s| s.is_closed && !s.is_held).map(|s| s.area).sum();
+    let area: f64 = sites
+        .iter()
+        .filter(|s| s.is_closed && !s.is_held)
+        .map(|s| s.area)
+        .sum();
     let hexagonal = (2.0 * area / figures.cells as f64 / 3.0_f64.sqrt()).sqrt();
     (figures, mean / hexagonal)
 }
@@ -88,16 +102,31 @@ fn a_sphere_becomes_as_even_as_promised() {
         let solution = run(sphere(300_000), &Domain::everything(), &options);
         let (figures, packing) = uniformity(&solution.sites, &solution, h);
         let delta = solution.convergence.last().unwrap().delta();
-        assert!((9_700..10_300).contains(&solution.sites.len()), "{}", solution.sites.len());
-        assert!(figures.energy_ratio <= 1.025, "{acceleration:?}: {}", figures.energy_ratio);
-        assert!(figures.cell_area_cv <= 0.07, "{acceleration:?}: {}", figures.cell_area_cv);
+        assert!(
+            (9_700..10_300).contains(&solution.sites.len()),
+            "{}",
+            solution.sites.len()
+        );
+        assert!(
+            figures.energy_ratio <= 1.025,
+            "{acceleration:?}: {}",
+            figures.energy_ratio
+        );
+        assert!(
+            figures.cell_area_cv <= 0.07,
+            "{acceleration:?}: {}",
+            figures.cell_area_cv
+        );
         assert!(delta <= 0.053, "{acceleration:?}: {delta}");
         assert!(packing >= 0.90, "{acceleration:?}: {packing}");
         // The cells tile the sphere: their areas are its area.
         let area: f64 = solution.sites.iter().map(|s| s.area).sum();
         assert!((area / four_pi - 1.0).abs() < 0.003, "{area}");
         // And the sites lie on it.
-        let off = solution.sites.iter().map(|s| (s.position.norm() - 1.0).abs());
+        let off = solution
+            .sites
+            .iter()
+            .map(|s| (s.position.norm() - 1.0).abs());
         assert!(off.fold(0.0, f64::max) < 1e-4);
     }
 }
@@ -122,7 +151,8 @@ fn every_rule_and_acceleration_ends_more_even_than_it_began() {
             let (before, _) = uniformity(&solution.seeds, &solution, h);
             let (after, _) = uniformity(&solution.sites, &solution, h);
             assert!(
-                after.energy_ratio < before.energy_ratio && after.cell_area_cv < before.cell_area_cv,
+                after.energy_ratio < before.energy_ratio
+                    && after.cell_area_cv < before.cell_area_cv,
                 "{seeds:?}, {acceleration:?}"
             );
         }
@@ -154,7 +184,10 @@ fn the_hexagonal_lattice_is_a_fixed_point() {
         let start = LATTICE.local(site.identity);
         start.norm() < 0.3 && (site.position - start).norm() < 1e-4 * h
     };
-    let inside = solution.sites.iter().filter(|s| LATTICE.local(s.identity).norm() < 0.3);
+    let inside = solution
+        .sites
+        .iter()
+        .filter(|s| LATTICE.local(s.identity).norm() < 0.3);
     assert_eq!(solution.sites.iter().filter(still).count(), inside.count());
 }
 
@@ -170,7 +203,12 @@ fn without_the_boundary_restriction_sites_drift_from_the_border() {
         solution
             .sites
             .iter()
-            .map(|s| (-s.position.x).max(s.position.x - 2.0).max(-s.position.y).max(s.position.y - 2.0))
+            .map(|s| {
+                (-s.position.x)
+                    .max(s.position.x - 2.0)
+                    .max(-s.position.y)
+                    .max(s.position.y - 2.0)
+            })
             .fold(f64::NEG_INFINITY, f64::max)
     };
     let input_spacing = (4.3_f64 / 60_000.0).sqrt();
@@ -188,7 +226,11 @@ fn planes_are_fitted_where_they_are_asked_for() {
             ..Options::new(h)
         };
         let solution = run(sphere(40_000), &Domain::everything(), &options);
-        solution.sites.iter().map(|s| (s.position.norm() - 1.0).abs()).sum::<f64>()
+        solution
+            .sites
+            .iter()
+            .map(|s| (s.position.norm() - 1.0).abs())
+            .sum::<f64>()
             / solution.sites.len() as f64
     };
     // A plane through a curved neighbourhood lies inside of it.
@@ -212,7 +254,10 @@ fn a_tile_that_sees_enough_has_the_bits_of_the_whole() {
             max: [to, 2_000_010],
         };
         let known = core.grown(halo);
-        let seen: Vec<Stored> = sheet(400_000).into_iter().filter(|&p| known.contains(p)).collect();
+        let seen: Vec<Stored> = sheet(400_000)
+            .into_iter()
+            .filter(|&p| known.contains(p))
+            .collect();
         assert!(seen.len() < 320_000);
         let domain = Domain {
             known,
@@ -222,7 +267,9 @@ fn a_tile_that_sees_enough_has_the_bits_of_the_whole() {
         let part = run(seen, &domain, &options);
         let mut compared = 0;
         for site in part.sites.iter().filter(|s| core.contains(s.identity)) {
-            let twin = whole.sites.binary_search_by_key(&site.identity, |s| s.identity);
+            let twin = whole
+                .sites
+                .binary_search_by_key(&site.identity, |s| s.identity);
             let twin = whole.sites[twin.expect("the same seeds are elected")];
             assert_eq!(site.position, twin.position);
             compared += 1;
@@ -233,15 +280,32 @@ fn a_tile_that_sees_enough_has_the_bits_of_the_whole() {
 
 #[test]
 fn degenerate_scans_are_survived() {
-    let line: Vec<Stored> = (0..20_000).map(|x| Stored { x: 50 * x, y: 0, z: 0 }).collect();
+    let line: Vec<Stored> = (0..20_000)
+        .map(|x| Stored {
+            x: 50 * x,
+            y: 0,
+            z: 0,
+        })
+        .collect();
     let equal = vec![Stored { x: 1, y: 2, z: 3 }; 20_000];
     let grid: Vec<Stored> = (0..150)
-        .flat_map(|x| (0..150).map(move |y| Stored { x: 6000 * x, y: 6000 * y, z: 0 }))
+        .flat_map(|x| {
+            (0..150).map(move |y| Stored {
+                x: 6000 * x,
+                y: 6000 * y,
+                z: 0,
+            })
+        })
         .collect();
     for (points, least) in [(line, 20), (equal, 1), (grid, 300), (Vec::new(), 0)] {
         let solution = run(points, &Domain::everything(), &Options::new(0.04));
         assert!(solution.sites.len() >= least);
-        assert!(solution.sites.iter().all(|s| s.position.iter().all(|c: &f64| c.is_finite())));
+        assert!(
+            solution
+                .sites
+                .iter()
+                .all(|s| s.position.iter().all(|c: &f64| c.is_finite()))
+        );
     }
 }
 
@@ -249,13 +313,30 @@ fn degenerate_scans_are_survived() {
 fn a_scan_of_noise_keeps_its_seeds() {
     let mut dice = Dice(5);
     let fog: Vec<Stored> = (0..30_000)
-        .map(|_| LATTICE.quantise([dice.roll(), dice.roll(), dice.roll()]).unwrap())
+        .map(|_| {
+            LATTICE
+                .quantise([dice.roll(), dice.roll(), dice.roll()])
+                .unwrap()
+        })
         .collect();
     let solution = run(fog, &Domain::everything(), &Options::new(0.1));
     // Where nothing is a surface, nothing may move.
     let moved = |s: &&Site| (s.position - LATTICE.local(s.identity)).norm() > 1e-12;
     let held = solution.sites.iter().filter(|s| s.is_held).count();
-    assert!(held * 10 > solution.sites.len() * 7, "{held} of {}", solution.sites.len());
-    assert!(solution.sites.iter().filter(|s| s.is_held).filter(moved).count() * 4 < held);
+    assert!(
+        held * 10 > solution.sites.len() * 7,
+        "{held} of {}",
+        solution.sites.len()
+    );
+    assert!(
+        solution
+            .sites
+            .iter()
+            .filter(|s| s.is_held)
+            .filter(moved)
+            .count()
+            * 4
+            < held
+    );
     let _: Local = solution.sites[0].position;
 }

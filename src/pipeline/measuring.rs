@@ -110,7 +110,7 @@ fn measure_in(
     let mut places = Vec::new();
     if let Some(tile) = first.tiles.first() {
         spill.gather(&tile.core, |record| {
-            places.push(lattice.local(Stored::of_record(record)))
+            places.push(lattice.local(Stored::of_record(record)));
         })?;
     }
     let extent = spill.bounds().extent() as f64 * lattice.scale;

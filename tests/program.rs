@@ -1,0 +1,390 @@
+//! The program as a user meets it: real files in, real files out, exit codes and
+//! messages.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Output,
+};
+
+use assert_cmd::Command;
+use las::Reader;
+
+fn lloydar(arguments: &[&str]) -> Output {
+    Command::cargo_bin("lloydar")
+        .unwrap()
+        .args(arguments)
+        .env("SOURCE_DATE_EPOCH", "1700000000")
+        .timeout(std::time::Duration::from_secs(300))
+        .output()
+        .unwrap()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// Simulates a short street of 300 000 points in two files.
+fn street(dir: &Path) -> PathBuf {
+    let scans = dir.join("scans");
+    let done = lloydar(&[
+        "simulate",
+        "--length",
+        "60",
+        "--points",
+        "300K",
+        "-o",
+        text(&scans),
+    ]);
+    assert!(
+        done.status.success(),
+        "{}",
+        String::from_utf8_lossy(&done.stderr)
+    );
+    scans
+}
+
+fn run(scans: &Path, output: &Path, more: &[&str]) -> Output {
+    let mut arguments = vec!["run", text(scans), "-o", text(output), "--quiet"];
+    arguments.extend(more);
+    lloydar(&arguments)
+}
+
+fn succeed(scans: &Path, output: &Path, more: &[&str]) {
+    let done = run(scans, output, more);
+    assert!(
+        done.status.success(),
+        "{more:?}: {}",
+        String::from_utf8_lossy(&done.stderr)
+    );
+}
+
+/// Sorted coordinates, as stored.
+fn points(path: &Path) -> Vec<[i32; 3]> {
+    let all = Reader::from_path(path).unwrap().read_all().unwrap();
+    let mut points: Vec<[i32; 3]> = all
+        .x_raw()
+        .zip(all.y_raw())
+        .zip(all.z_raw())
+        .map(|((x, y), z)| [x, y, z])
+        .collect();
+    points.sort_unstable();
+    points
+}
+
+fn report(output: &Path) -> serde_json::Value {
+    let path = format!("{}.report.json", output.display());
+    serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
+}
+
+#[test]
+fn tiles_threads_and_memory_do_not_show() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = street(dir.path());
+    let reference = dir.path().join("whole.laz");
+    succeed(
+        &scans,
+        &reference,
+        &[
+            "--spacing",
+            "0.3",
+            "--accelerate",
+            "none",
+            "--tile-size",
+            "1000",
+        ],
+    );
+    let whole = points(&reference);
+    assert!(whole.len() > 15_000, "{}", whole.len());
+    for more in [
+        &["--tile-size", "40", "--threads", "1"][..],
+        &["--tile-size", "40", "--threads", "2"],
+        &["--tile-size", "10", "--threads", "2"],
+        &["--memory", "160MiB"],
+    ] {
+        let output = dir.path().join("tiled.laz");
+        let mut arguments = vec!["--spacing", "0.3", "--accelerate", "none", "--overwrite"];
+        arguments.extend(more);
+        succeed(&scans, &output, &arguments);
+        assert_eq!(points(&output), whole, "{more:?}");
+        let report = report(&output);
+        assert_eq!(
+            report["seams"]["shared"], report["seams"]["identical"],
+            "{more:?}"
+        );
+        assert_eq!(report["seams"]["duplicates"], 0);
+        if more.contains(&"10") {
+            let tiles = report["tiles"].as_array().unwrap().len();
+            assert!(tiles > 8, "{tiles}");
+            let on_seams = report["seams"]["on_seams"]["delta"].as_f64().unwrap();
+            let elsewhere = report["seams"]["elsewhere"]["delta"].as_f64().unwrap();
+            assert!(on_seams <= 1.05 * elsewhere, "{on_seams} {elsewhere}");
+        }
+    }
+}
+
+#[test]
+fn the_same_input_gives_the_same_bytes() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = street(dir.path());
+    let (one, two) = (dir.path().join("one.laz"), dir.path().join("two.laz"));
+    succeed(&scans, &one, &["--count", "5K", "--threads", "1"]);
+    let [a, b] = ["pass-2.laz", "pass-1.laz"].map(|name| scans.join(name));
+    let done = lloydar(&[
+        "run",
+        text(&a),
+        text(&b),
+        "-o",
+        text(&two),
+        "--count",
+        "5K",
+        "--threads",
+        "2",
+        "-q",
+    ]);
+    assert!(done.status.success());
+    assert_eq!(fs::read(one).unwrap(), fs::read(&two).unwrap());
+    let count = points(&two).len();
+    assert!((4_900..5_100).contains(&count), "{count}");
+}
+
+#[test]
+fn cells_are_more_even_than_the_seeds_and_points_lie_on_the_street() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = street(dir.path());
+    let output = dir.path().join("out.laz");
+    succeed(&scans, &output, &["--spacing", "0.25"]);
+    let report = report(&output);
+    let of = |what: &str, figure: &str| report[what][figure].as_f64().unwrap();
+    assert!(of("uniformity", "energy_ratio") < 0.95 * of("seeds", "energy_ratio"));
+    assert!(of("uniformity", "cell_area_cv") < 0.85 * of("seeds", "cell_area_cv"));
+    assert!(of("coverage", "share_beyond") < 0.01);
+
+    let street = lloydar::simulate::Street::new(lloydar::simulate::StreetOptions {
+        length: 60.0,
+        points: 300_000,
+        ..Default::default()
+    });
+    let all = Reader::from_path(&output).unwrap().read_all().unwrap();
+    let mut distances: Vec<f64> = all
+        .x()
+        .zip(all.y())
+        .zip(all.z())
+        .map(|((x, y), z)| street.distance_to_surface([x, y, z]))
+        .collect();
+    distances.sort_by(f64::total_cmp);
+    let mean = distances.iter().sum::<f64>() / distances.len() as f64;
+    assert!(mean < 0.03, "{mean}");
+    let html = fs::read_to_string(format!("{}.report.html", output.display())).unwrap();
+    assert!(html.contains("seamless?") && !html.contains("NaN") && !html.contains("src="));
+}
+
+#[test]
+fn a_stopped_job_goes_on_and_ends_with_the_same_bytes() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = street(dir.path());
+    let (whole, resumed) = (dir.path().join("whole.laz"), dir.path().join("resumed.laz"));
+    let options = ["--spacing", "0.25", "--tile-size", "20"];
+    succeed(&scans, &whole, &options);
+    let mut killed = 0;
+    for milliseconds in [300, 700, 1200, 2000] {
+        let program = assert_cmd::cargo::cargo_bin("lloydar");
+        let mut child = std::process::Command::new(program)
+            .args(["run", text(&scans), "-o", text(&resumed), "--quiet"])
+            .args(options)
+            .env("SOURCE_DATE_EPOCH", "1700000000")
+            .spawn()
+            .unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(milliseconds));
+        if child.try_wait().unwrap().is_none() {
+            // SIGKILL: no chance to tidy up.
+            child.kill().unwrap();
+            killed += 1;
+        }
+        child.wait().unwrap();
+        if resumed.exists() {
+            break;
+        }
+    }
+    assert!(killed > 0, "the job was over before it could be killed");
+    if !resumed.exists() {
+        succeed(&scans, &resumed, &options);
+    }
+    assert_eq!(fs::read(whole).unwrap(), fs::read(&resumed).unwrap());
+    assert!(!dir.path().join("resumed.laz.job").exists());
+}
+
+#[test]
+fn wrong_requests_are_answered_with_a_reason_and_a_code() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = street(dir.path());
+    let empty_dir = dir.path().join("empty");
+    fs::create_dir(&empty_dir).unwrap();
+    let empty = dir.path().join("empty.laz");
+    fs::write(&empty, "").unwrap();
+    let whole = fs::read(scans.join("pass-1.laz")).unwrap();
+    let cut = dir.path().join("cut.laz");
+    fs::write(&cut, &whole[..whole.len() / 2]).unwrap();
+    let prose = dir.path().join("prose.laz");
+    fs::write(&prose, "ply\nformat ascii 1.0\n").unwrap();
+    let missing = dir.path().join("missing.laz");
+    let output = dir.path().join("out.laz");
+    let nowhere = dir.path().join("no/such/place/out.laz");
+
+    let cases: &[(&Path, &Path, &[&str], i32, &str)] = &[
+        (&missing, &output, &["--spacing", "1"], 1, "missing.laz"),
+        (&empty, &output, &["--spacing", "1"], 1, "is empty"),
+        (&cut, &output, &["--spacing", "1"], 1, "cut.laz"),
+        (&prose, &output, &["--spacing", "1"], 1, "looks like PLY"),
+        (
+            &empty_dir,
+            &output,
+            &["--spacing", "1"],
+            1,
+            "no .las or .laz",
+        ),
+        (&scans, &output, &["--spacing", "0"], 2, "--spacing 0"),
+        (&scans, &output, &["--spacing", "-1"], 2, "--spacing -1"),
+        (&scans, &output, &["--spacing", "NaN"], 2, "--spacing NaN"),
+        (&scans, &output, &["--spacing", "500"], 1, "too wide"),
+        (&scans, &output, &["--count", "5M"], 1, "300000 points"),
+        (&scans, &output, &[], 2, "give one of"),
+        (
+            &scans,
+            &output,
+            &["--spacing", "1", "--count", "5"],
+            2,
+            "give one of",
+        ),
+        (&scans, &nowhere, &["--spacing", "1"], 1, "no/such/place"),
+        (
+            &scans,
+            &output,
+            &["--spacing", "0.3", "--memory", "10MiB"],
+            1,
+            "give at least",
+        ),
+        (
+            &scans,
+            &dir.path().join("out.xyz"),
+            &["--spacing", "1"],
+            1,
+            ".laz, .las or .ply",
+        ),
+    ];
+    for (input, output, more, code, message) in cases {
+        let done = run(input, output, more);
+        let error = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert_eq!(done.status.code(), Some(*code), "{more:?}: {error}");
+        assert!(error.contains(message), "{message:?} is not in {error:?}");
+        assert!(!error.contains("panicked"), "{error}");
+        assert!(!output.exists());
+    }
+}
+
+#[test]
+fn an_output_that_is_there_is_kept() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = street(dir.path());
+    let output = dir.path().join("out.laz");
+    fs::write(&output, "precious").unwrap();
+    let done = run(&scans, &output, &["--spacing", "1"]);
+    assert_eq!(done.status.code(), Some(1));
+    assert_eq!(fs::read(&output).unwrap(), b"precious");
+}
+
+#[test]
+fn a_truncated_file_among_good_ones_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = street(dir.path());
+    let bad = scans.join("pass-2.laz");
+    let mut bytes = fs::read(&bad).unwrap();
+    // Damage in the middle of the points: only decoding can notice.
+    let middle = bytes.len() / 2;
+    for byte in &mut bytes[middle..middle + 4000] {
+        *byte ^= 0xa5;
+    }
+    fs::write(&bad, bytes).unwrap();
+    let output = dir.path().join("out.laz");
+    let done = run(&scans, &output, &["--spacing", "0.5"]);
+    let error = String::from_utf8_lossy(&done.stderr);
+    if !done.status.success() {
+        assert!(error.contains("pass-2.laz"), "{error}");
+        assert!(!output.exists());
+    }
+    // A decoder that did not notice leaves garbage that must not pass for good.
+    assert!(
+        done.status.code() == Some(1) || done.status.code() == Some(3),
+        "{error}"
+    );
+}
+
+#[test]
+fn plan_measure_and_info_print_their_figures() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = street(dir.path());
+    let plan = lloydar(&[
+        "plan",
+        text(&scans),
+        "--spacing",
+        "0.3",
+        "-o",
+        text(&dir.path().join("o.laz")),
+    ]);
+    let printed = String::from_utf8_lossy(&plan.stdout);
+    for name in [
+        "points in",
+        "tiles",
+        "halo",
+        "peak memory",
+        "temporary disk",
+        "time",
+    ] {
+        assert!(printed.contains(name), "{name} is not in {printed}");
+    }
+    let output = dir.path().join("out.las");
+    succeed(&scans, &output, &["--spacing", "0.3"]);
+    let measured = lloydar(&["measure", text(&output), "--json"]);
+    let figures: serde_json::Value = serde_json::from_slice(&measured.stdout).unwrap();
+    let told = report(&output);
+    let close = |name: &str, by: f64| {
+        let (a, b) = (
+            figures["uniformity"][name].as_f64().unwrap(),
+            told["uniformity"][name].as_f64().unwrap(),
+        );
+        assert!(
+            (a - b).abs() <= by * b,
+            "{name}: {a} measured, {b} reported"
+        );
+    };
+    close("delta", 0.01);
+    close("mean", 0.001);
+    close("energy_ratio", 0.05);
+    let info = lloydar(&["info", text(&output)]);
+    assert!(String::from_utf8_lossy(&info.stdout).contains("LAS 1.4, format 7"));
+}
+
+#[test]
+fn a_ply_holds_every_point() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = street(dir.path());
+    let (ply, las) = (dir.path().join("out.ply"), dir.path().join("out.las"));
+    succeed(&scans, &ply, &["--spacing", "0.5"]);
+    succeed(&scans, &las, &["--spacing", "0.5"]);
+    let bytes = fs::read(ply).unwrap();
+    let end = bytes
+        .windows(11)
+        .position(|w| w == b"end_header\n")
+        .unwrap()
+        + 11;
+    let header = String::from_utf8_lossy(&bytes[..end]);
+    let count = points(&las).len();
+    assert!(
+        header.contains(&format!("element vertex {count} ")),
+        "{header}"
+    );
+    // Three doubles, three shorts, a short, a byte, a short, a double.
+    assert_eq!(bytes.len() - end, count * (24 + 6 + 2 + 1 + 2 + 8));
+}
