@@ -296,14 +296,14 @@ fn an_output_that_is_there_is_kept() {
 }
 
 #[test]
-fn a_truncated_file_among_good_ones_is_named() {
+fn a_damaged_file_among_good_ones_is_named() {
     let dir = tempfile::tempdir().unwrap();
     let scans = street(dir.path());
     let bad = scans.join("pass-2.laz");
     let mut bytes = fs::read(&bad).unwrap();
     // Damage in the middle of the points: only decoding can notice.
-    let middle = bytes.len() / 2;
-    for byte in &mut bytes[middle..middle + 4000] {
+    let (from, to) = (bytes.len() / 4, bytes.len() * 3 / 4);
+    for byte in &mut bytes[from..to] {
         *byte ^= 0xa5;
     }
     fs::write(&bad, bytes).unwrap();
@@ -314,11 +314,14 @@ fn a_truncated_file_among_good_ones_is_named() {
         assert!(error.contains("pass-2.laz"), "{error}");
         assert!(!output.exists());
     }
-    // A decoder that did not notice leaves garbage that must not pass for good.
-    assert!(
-        done.status.code() == Some(1) || done.status.code() == Some(3),
-        "{error}"
-    );
+    // Some damage passes the decoder: then it must show in the report.
+    if done.status.success() {
+        let damaged = report(&output)["notes"].to_string();
+        assert!(
+            damaged.contains("pass-2.laz") && damaged.contains("damaged"),
+            "{damaged}"
+        );
+    }
 }
 
 #[test]

@@ -13,7 +13,7 @@ mod writing;
 
 pub use crs::Crs;
 pub use inputs::expand_inputs;
-pub use reading::{InputFile, PointStream};
+pub use reading::{InputFile, PointCounts, PointStream};
 pub(crate) use record::move_to;
 pub use record::{ExtraByte, RecordFormat};
 pub use writing::{CloudHeader, CloudWriter, Format};

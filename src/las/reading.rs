@@ -335,8 +335,21 @@ pub struct PointStream {
     batch: PointData,
     converter: Converter,
     claimed: u64,
-    read: u64,
-    rejected: u64,
+    counts: PointCounts,
+    /// Bounds that the header claims, in the file's own stored units.
+    bounds: [[f64; 3]; 2],
+}
+
+/// Points of a file, as far as it was read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PointCounts {
+    /// Points read.
+    pub read: u64,
+    /// Of those, points out of the range of the run's lattice, left out.
+    pub rejected: u64,
+    /// Of those, points outside of the bounds that the header claims: some
+    /// damage passes the decoder unseen, and shows here.
+    pub outside: u64,
 }
 
 impl PointStream {
@@ -357,8 +370,10 @@ impl PointStream {
             converter: Converter::new(input, record, lattice),
             claimed: input.points_claimed,
             reader,
-            read: 0,
-            rejected: 0,
+            counts: PointCounts::default(),
+            bounds: input.bounds_claimed.map(|corner| {
+                [0, 1, 2].map(|axis| (corner[axis] - input.offset[axis]) / input.scale[axis])
+            }),
         })
     }
 
@@ -370,7 +385,7 @@ impl PointStream {
     /// If the file ends early or cannot be decoded.
     pub fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<usize, LasError> {
         records.clear();
-        let wanted = BATCH.min(self.claimed - self.read);
+        let wanted = BATCH.min(self.claimed - self.counts.read);
         if wanted == 0 {
             return Ok(0);
         }
@@ -386,16 +401,17 @@ impl PointStream {
         };
         for raw in self.batch.raw_bytes().chunks_exact(self.batch.record_len()) {
             if !self.converter.convert(raw, records) {
-                self.rejected += 1;
+                self.counts.rejected += 1;
             }
+            self.counts.outside += u64::from(!is_within(raw, &self.bounds));
         }
-        self.read += read;
+        self.counts.read += read;
         Ok(usize::try_from(read).unwrap_or(usize::MAX))
     }
 
-    /// Points read so far, and those of them that were out of range.
-    pub fn counts(&self) -> (u64, u64) {
-        (self.read, self.rejected)
+    /// Points so far.
+    pub fn counts(&self) -> PointCounts {
+        self.counts
     }
 
     fn broken(&self, why: &str) -> LasError {
@@ -403,8 +419,18 @@ impl PointStream {
             &self.path,
             format!(
                 "is truncated or damaged after point {} of {}: {why}; repair it or leave it out",
-                self.read, self.claimed
+                self.counts.read, self.claimed
             ),
         )
     }
+}
+
+/// Whether a record lies within `bounds`, give or take the rounding of a
+/// header that was written in decimals.
+fn is_within(raw: &[u8], bounds: &[[f64; 3]; 2]) -> bool {
+    (0..3).all(|axis| {
+        let at = 4 * axis;
+        let stored = i32::from_le_bytes([raw[at], raw[at + 1], raw[at + 2], raw[at + 3]]);
+        (bounds[0][axis] - 1.5..=bounds[1][axis] + 1.5).contains(&f64::from(stored))
+    })
 }

@@ -22,7 +22,7 @@ use super::{
 use crate::{
     config::{Settings, Target},
     geometry::Lattice,
-    las::{CloudHeader, CloudWriter, Format, LasError, PointStream},
+    las::{CloudHeader, CloudWriter, Format, LasError, PointCounts, PointStream},
     lloyd::Options,
     tile::{
         CellGrid, Opener, Plan, PlanOptions, ScatterOptions, Source, SourceError, Spill, Tile,
@@ -92,8 +92,10 @@ pub struct InputCount {
     pub claimed: u64,
     /// Points read.
     pub read: u64,
-    /// Points out of the range of the run's scale.
+    /// Points out of the range of the run's scale, left out.
     pub rejected: u64,
+    /// Points outside of the bounds that the header claims.
+    pub outside: u64,
 }
 
 /// What a job did.
@@ -212,7 +214,27 @@ impl Job {
         }
         let lock = self.open_directory(&survey)?;
         clock.stop("survey");
-        let inputs = self.scatter(&survey, &budget, progress, cancel)?;
+        let prepared = self.prepare_in_directory(survey, lock, &budget, progress, cancel, clock);
+        if let Err(error) = &prepared
+            && !error.is_cancelled()
+        {
+            // Nothing is solved that could be lost, and the next try, with
+            // other inputs or settings, is another job.
+            clear(&self.dir);
+        }
+        prepared
+    }
+
+    fn prepare_in_directory(
+        &self,
+        survey: Survey,
+        lock: File,
+        budget: &Budget,
+        progress: &dyn Progress,
+        cancel: &AtomicBool,
+        clock: &mut Clock,
+    ) -> Result<Running, JobError> {
+        let inputs = self.scatter(&survey, budget, progress, cancel)?;
         clock.stop("scatter");
         let spill = Spill::open(&self.dir)?;
         if spill.points() == 0 {
@@ -225,7 +247,7 @@ impl Job {
         let (spacing, points_out) = self.spacing(&spill, &survey, progress)?;
         let seeds_per_point = (points_out as f64 / spill.points() as f64).min(1.0);
         let options = self.settings.solver(spacing, seeds_per_point);
-        let plan = self.plan_tiles(&spill, &survey, &budget, &options, points_out)?;
+        let plan = self.plan_tiles(&spill, &survey, budget, &options, points_out)?;
         clock.stop("plan");
         Ok(Running {
             _lock: lock,
@@ -310,7 +332,7 @@ impl Job {
             return Ok(counts);
         }
         progress.begin("scatter", survey.points_claimed(), 0, Unit::Points);
-        let rejected: Vec<Mutex<(u64, u64)>> =
+        let counted: Vec<Mutex<PointCounts>> =
             survey.inputs.iter().map(|_| Mutex::default()).collect();
         // Biggest first: the last file to be decoded is a short one.
         let mut order: Vec<usize> = (0..survey.inputs.len()).collect();
@@ -318,7 +340,7 @@ impl Job {
         let sources = order
             .iter()
             .map(|&i| {
-                let counts = &rejected[i];
+                let counts = &counted[i];
                 Box::new(move || {
                     let stream =
                         PointStream::open(&survey.inputs[i], &survey.record, survey.lattice)?;
@@ -352,16 +374,17 @@ impl Job {
         let counts: Vec<InputCount> = survey
             .inputs
             .iter()
-            .zip(rejected)
+            .zip(counted)
             .map(|(input, counts)| {
-                let (read, rejected) = counts
+                let counts = counts
                     .into_inner()
                     .unwrap_or_else(std::sync::PoisonError::into_inner);
                 InputCount {
                     path: input.path.display().to_string(),
                     claimed: input.points_claimed,
-                    read,
-                    rejected,
+                    read: counts.read,
+                    rejected: counts.rejected,
+                    outside: counts.outside,
                 }
             })
             .collect();
@@ -604,6 +627,9 @@ impl Job {
         cancel: &AtomicBool,
         mut clock: Clock,
     ) -> Result<Outcome, JobError> {
+        for note in running.notes().iter().skip(running.survey.notes.len()) {
+            progress.note(note);
+        }
         let (lattice, spacing) = (&running.survey.lattice, running.options.spacing);
         let plan = &running.plan.plan;
         progress.begin("stitch", plan.tiles.len() as u64, 0, Unit::Tiles);
@@ -658,7 +684,7 @@ impl Job {
             points,
             bytes,
             stages: clock.stages,
-            notes: running.survey.notes.clone(),
+            notes: running.notes(),
         })
     }
 
@@ -706,36 +732,54 @@ struct Running {
 }
 
 impl Running {
-    /// Removes the job directory. A file that is not the job's keeps it.
+    /// What is worth a line, of headers and of points.
+    fn notes(&self) -> Vec<String> {
+        let outside = self.inputs.iter().filter(|input| input.outside > 0);
+        let damaged = outside.map(|input| {
+            format!(
+                "{}: {} of its {} points lie outside of the bounds that its header states; the \
+                 header or the points are damaged",
+                input.path, input.outside, input.read
+            )
+        });
+        self.survey.notes.iter().cloned().chain(damaged).collect()
+    }
+
     fn close(self) {
-        for name in [
-            "job.json",
-            "inputs.json",
-            "spacing.json",
-            "plan.json",
-            "spill.bin",
-            "spill.index",
-            "lock",
-        ] {
-            drop(fs::remove_file(self.dir.join(name)));
-        }
-        for entry in fs::read_dir(&self.dir)
-            .into_iter()
-            .flatten()
-            .filter_map(Result::ok)
-        {
-            if entry.file_name().to_string_lossy().starts_with("tile-") {
-                drop(fs::remove_file(entry.path()));
-            }
-        }
-        drop(fs::remove_dir(&self.dir));
+        clear(&self.dir);
     }
 }
 
-/// A file that is being decoded, and its counts: read and rejected.
+/// Removes a job's files from its directory, and the directory if nothing else
+/// is in it.
+fn clear(dir: &Path) {
+    for name in [
+        "job.json",
+        "inputs.json",
+        "spacing.json",
+        "plan.json",
+        "spill.bin",
+        "spill.index",
+        "lock",
+    ] {
+        drop(fs::remove_file(dir.join(name)));
+    }
+    for entry in fs::read_dir(dir)
+        .into_iter()
+        .flatten()
+        .filter_map(Result::ok)
+    {
+        if entry.file_name().to_string_lossy().starts_with("tile-") {
+            drop(fs::remove_file(entry.path()));
+        }
+    }
+    drop(fs::remove_dir(dir));
+}
+
+/// A file that is being decoded, and its counts.
 struct Decoding<'a> {
     stream: PointStream,
-    counts: &'a Mutex<(u64, u64)>,
+    counts: &'a Mutex<PointCounts>,
 }
 
 impl Source for Decoding<'_> {

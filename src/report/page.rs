@@ -261,9 +261,13 @@ fn inputs(report: &Report) -> String {
             thousands(input.claimed),
             thousands(input.read),
             thousands(input.rejected),
+            thousands(input.outside),
         ]
     });
-    table(&["file", "claimed", "read", "rejected"], rows)
+    table(
+        &["file", "claimed", "read", "rejected", "outside its bounds"],
+        rows,
+    )
 }
 
 fn notes(report: &Report) -> String {

@@ -38,6 +38,7 @@ pub fn verdicts(report: &Report) -> [Verdict; 4] {
     let seams = &report.seams;
     let read: u64 = report.inputs.iter().map(|input| input.read).sum();
     let rejected: u64 = report.inputs.iter().map(|input| input.rejected).sum();
+    let outside: u64 = report.inputs.iter().map(|input| input.outside).sum();
     // No seams, or too few points on them to speak of.
     let no_seams = seams.on_seams.count < 100;
     [
@@ -77,9 +78,10 @@ pub fn verdicts(report: &Report) -> [Verdict; 4] {
         ),
         verdict(
             "complete?",
-            rejected == 0,
+            rejected == 0 && outside == 0,
             format!(
-                "{read} points read, {rejected} rejected, {} written",
+                "{read} points read, {rejected} rejected, {outside} outside of their header's \
+                 bounds; {} written",
                 report.points
             ),
         ),
