@@ -114,7 +114,7 @@ impl Street {
         let origin = Local::new(along * self.options.length, lane, SCANNER_HEIGHT);
         // The mirror's angle from straight down; scanners take turns.
         let turn = (pulse as f64 + 0.3 * unit(0)) / per_line * std::f64::consts::TAU;
-        let yaw = if pulse % 2 == 0 { 1.0 } else { -1.0 } * std::f64::consts::FRAC_PI_4;
+        let yaw = if pulse.is_multiple_of(2) { 1.0 } else { -1.0 } * std::f64::consts::FRAC_PI_4;
         let (sin, cos) = turn.sin_cos();
         let direction = Local::new(sin * yaw.sin(), sin * yaw.cos(), -cos);
         let (range, normal, material) = self.cast(origin, direction, RANGE)?;

@@ -117,10 +117,13 @@ impl Shape {
     /// The box around the shape: min, max.
     pub fn bounds(&self) -> (Local, Local) {
         let around = |points: &[Local], margin: f64| {
-            let (first, rest) = points.split_first().expect("a shape has points");
-            let (low, high) = rest
+            let nothing = (
+                Local::repeat(f64::INFINITY),
+                Local::repeat(f64::NEG_INFINITY),
+            );
+            let (low, high) = points
                 .iter()
-                .fold((*first, *first), |(l, h), p| (l.inf(p), h.sup(p)));
+                .fold(nothing, |(l, h), p| (l.inf(p), h.sup(p)));
             (low.add_scalar(-margin), high.add_scalar(margin))
         };
         match *self {

@@ -31,7 +31,8 @@ impl Spill {
             let (near, far) = rest.split_at(count);
             rest = far;
             let end = near.last().map_or(0, |chunk| chunk.offset + chunk.bytes);
-            let length = usize::try_from(end - first.offset).expect("a window fits in memory");
+            // A window is a chunk or 8 MiB.
+            let length = (end - first.offset) as usize;
             let map = window(&file, first.offset, length).map_err(io)?;
             for chunk in near {
                 self.visit_chunk(chunk, first.offset, &map, rect, &mut visit);
