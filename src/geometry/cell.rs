@@ -54,10 +54,11 @@ pub struct Neighbor {
 /// The restricted Voronoi cell of a site: a polygon with corners on the patch.
 #[derive(Clone, Debug)]
 pub struct Cell {
-    corners: [Corner; MAX_CORNERS],
+    /// The polygon, and room for what the next cut leaves of it.
+    polygons: [[Corner; MAX_CORNERS]; 2],
+    /// Which of the two is the polygon.
+    current: usize,
     count: usize,
-    /// Scratch for the next cut.
-    cut: [Corner; MAX_CORNERS],
 }
 
 /// What a Lloyd step and the figures of uniformity need of a cell.
@@ -86,9 +87,9 @@ impl Cell {
             edge: RIM,
         };
         Self {
-            corners: [nowhere; MAX_CORNERS],
+            polygons: [[nowhere; MAX_CORNERS]; 2],
+            current: 0,
             count: 0,
-            cut: [nowhere; MAX_CORNERS],
         }
     }
 
@@ -98,9 +99,10 @@ impl Cell {
     /// farthest corner of the lifted domain, and be sorted by distance.
     pub fn clip(&mut self, patch: &Patch, site: Local, radius: f64, neighbors: &[Neighbor]) {
         let [site_u, site_v, site_w] = patch.coordinates(site);
-        let lift = |u: f64, v: f64| Local::new(u, v, patch.height(site_u + u, site_v + v) - site_w);
+        let lift = |u, v| Local::new(u, v, patch.height(site_u + u, site_v + v) - site_w);
+        self.current = 0;
         self.count = DOMAIN_SIDES;
-        for (corner, &[cos, sin]) in self.corners.iter_mut().zip(&domain()) {
+        for (corner, &[cos, sin]) in self.polygons[0].iter_mut().zip(&domain()) {
             *corner = Corner {
                 position: lift(radius * cos, radius * sin),
                 edge: RIM,
@@ -112,7 +114,7 @@ impl Cell {
                 break;
             }
             // A coincident site has no bisector: the two share their cell.
-            if neighbor.distance_squared > 0.0 && self.cut_by(patch, site, neighbor, &lift) {
+            if neighbor.distance_squared > 0.0 && self.cut_by(patch, site, neighbor, lift) {
                 security = self.security_squared();
             }
         }
@@ -124,35 +126,41 @@ impl Cell {
         patch: &Patch,
         site: Local,
         neighbor: &Neighbor,
-        lift: &impl Fn(f64, f64) -> Local,
+        lift: impl Fn(f64, f64) -> Local,
     ) -> bool {
         let towards = neighbor.position - site;
-        let direction = Local::from_iterator(patch.axes.iter().map(|axis| axis.dot(&towards)));
+        let direction = Local::from(patch.axes.map(|axis| axis.dot(&towards)));
         let half = 0.5 * neighbor.distance_squared;
-        // Positive beyond the bisector.
-        let beyond = |corner: &Corner| corner.position.dot(&direction) - half;
 
-        let mut sides = [0.0; MAX_CORNERS];
-        let mut any = false;
-        for k in 0..self.count {
-            sides[k] = beyond(&self.corners[k]);
-            any |= sides[k] > 0.0;
+        let count = self.count;
+        let (first, second) = self.polygons.split_at_mut(1);
+        let (corners, cut) = if self.current == 0 {
+            (&first[0], &mut second[0])
+        } else {
+            (&second[0], &mut first[0])
+        };
+        // Positive beyond the bisector.
+        let mut sides = [0.0_f64; MAX_CORNERS];
+        let mut farthest = f64::NEG_INFINITY;
+        for (side, corner) in sides.iter_mut().zip(&corners[..count]) {
+            *side = corner.position.dot(&direction) - half;
+            farthest = farthest.max(*side);
         }
-        if !any || self.count + 2 > MAX_CORNERS {
+        if farthest <= 0.0 || count + 2 > MAX_CORNERS {
             return false;
         }
         let mut kept = 0;
-        for k in 0..self.count {
-            let next = if k + 1 == self.count { 0 } else { k + 1 };
-            let (here, there) = (self.corners[k], self.corners[next]);
+        for k in 0..count {
+            let next = if k + 1 == count { 0 } else { k + 1 };
+            let (here, there) = (&corners[k], &corners[next]);
             if sides[k] <= 0.0 {
-                self.cut[kept] = here;
+                cut[kept] = *here;
                 kept += 1;
             }
             if (sides[k] <= 0.0) != (sides[next] <= 0.0) {
                 let t = sides[k] / (sides[k] - sides[next]);
                 let crossing = here.position + (there.position - here.position) * t;
-                self.cut[kept] = Corner {
+                cut[kept] = Corner {
                     position: lift(crossing.x, crossing.y),
                     // Leaving the kept side, the new edge is the neighbour's.
                     edge: if sides[k] <= 0.0 {
@@ -164,13 +172,26 @@ impl Cell {
                 kept += 1;
             }
         }
-        std::mem::swap(&mut self.corners, &mut self.cut);
+        self.current = 1 - self.current;
         self.count = kept;
         true
     }
 
+    fn corners(&self) -> &[Corner] {
+        &self.polygons[self.current][..self.count]
+    }
+
+    /// The sides of the polygon, from corner to corner.
+    fn sides(&self) -> impl Iterator<Item = (Local, Local)> + '_ {
+        let corners = self.corners();
+        corners.iter().enumerate().map(move |(k, corner)| {
+            let next = if k + 1 == corners.len() { 0 } else { k + 1 };
+            (corner.position, corners[next].position)
+        })
+    }
+
     fn farthest_squared(&self) -> f64 {
-        self.corners[..self.count]
+        self.corners()
             .iter()
             .map(|c| c.position.norm_squared())
             .fold(0.0, f64::max)
@@ -187,15 +208,11 @@ impl Cell {
     pub fn place(&self, patch: &Patch, site: Local, dice: [f64; 2]) -> Option<Local> {
         let [u, v, w] = patch.coordinates(site);
         let foot = Local::new(0.0, 0.0, patch.height(u, v) - w);
-        let triangle = |k: usize| {
-            let a = self.corners[k].position;
-            let b = self.corners[if k + 1 == self.count { 0 } else { k + 1 }].position;
-            (a, b, (a - foot).cross(&(b - foot)).norm())
-        };
-        let total: f64 = (0..self.count).map(|k| triangle(k).2).sum();
+        let twice_area = |a: Local, b: Local| (a - foot).cross(&(b - foot)).norm();
+        let total: f64 = self.sides().map(|(a, b)| twice_area(a, b)).sum();
         let mut rest = dice[0] * total;
-        for k in 0..self.count {
-            let (a, b, area) = triangle(k);
+        for (a, b) in self.sides() {
+            let area = twice_area(a, b);
             if rest < area {
                 // Evenly over the triangle: the root spreads along the fan.
                 let along = (rest / area).sqrt();
@@ -209,20 +226,17 @@ impl Cell {
 
     /// Whether neighbours bound the cell all around: no edge is the domain's.
     pub fn is_closed(&self) -> bool {
-        self.count >= 3 && self.corners[..self.count].iter().all(|c| c.edge != RIM)
+        self.count >= 3 && self.corners().iter().all(|c| c.edge != RIM)
     }
 
     /// Number of edges that neighbours made.
     pub fn neighbor_count(&self) -> usize {
-        self.corners[..self.count]
-            .iter()
-            .filter(|c| c.edge != RIM)
-            .count()
+        self.neighbors().count()
     }
 
     /// The neighbours whose bisectors are edges of the cell.
     pub fn neighbors(&self) -> impl Iterator<Item = u32> + '_ {
-        self.corners[..self.count]
+        self.corners()
             .iter()
             .map(|c| c.edge)
             .filter(|&edge| edge != RIM)
@@ -234,9 +248,7 @@ impl Cell {
         let [u, v, w] = patch.coordinates(site);
         let foot = Local::new(0.0, 0.0, patch.height(u, v) - w);
         let (mut area, mut weighted, mut energy) = (0.0, Local::zeros(), 0.0);
-        for k in 0..self.count {
-            let a = self.corners[k].position;
-            let b = self.corners[if k + 1 == self.count { 0 } else { k + 1 }].position;
+        for (a, b) in self.sides() {
             let triangle = 0.5 * (a - foot).cross(&(b - foot)).norm();
             area += triangle;
             weighted += (a + b + foot) * (triangle / 3.0);

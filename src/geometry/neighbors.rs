@@ -5,11 +5,13 @@
 //! cost a k-d tree its balance.
 //!
 //! The cells belong to a lattice anchored at the local origin, and they are
-//! visited in a fixed order (z, then y, then x; within a cell in the order the
-//! points were given). So a sum over neighbours adds in an order that depends
+//! visited in a fixed order (that of their bricks; within a cell in the order
+//! the points were given). So a sum over neighbours adds in an order that depends
 //! on the data alone, and gives the same bits in every tile that sees it.
 
-use super::{CellIndex, Local, OccupiedCells, cell_of};
+use std::ops::ControlFlow;
+
+use super::{Local, OccupiedCells, cell_of};
 
 /// Points by the cell of a cubic lattice.
 #[derive(Debug, Clone)]
@@ -47,42 +49,41 @@ impl NeighborGrid {
     /// Calls `visit` with the place in the input and the coordinates of every
     /// point of the cells that a ball touches: all points within `radius` of
     /// `center`, and some beyond.
-    pub fn visit_around(&self, center: Local, radius: f64, mut visit: impl FnMut(u32, Local)) {
+    pub fn visit_around(&self, center: Local, radius: f64, visit: impl FnMut(u32, Local)) {
         let reach = Local::repeat(radius);
-        let low = cell_of(center - reach, self.edge);
-        let high = cell_of(center + reach, self.edge);
-        for z in low[2]..=high[2] {
-            for y in low[1]..=high[1] {
-                for x in low[0]..=high[0] {
-                    let range = self.cells.range([x, y, z]);
-                    for place in range {
-                        visit(self.order[place], self.points[place]);
-                    }
-                }
+        self.visit_box(center - reach, center + reach, visit);
+    }
+
+    /// The same for the cells that the box from `low` to `high` touches.
+    pub fn visit_box(&self, low: Local, high: Local, mut visit: impl FnMut(u32, Local)) {
+        let visit_all = |range: std::ops::Range<usize>| {
+            for place in range {
+                visit(self.order[place], self.points[place]);
             }
-        }
+            ControlFlow::<()>::Continue(())
+        };
+        let _ = self
+            .cells
+            .visit_box(cell_of(low, self.edge), cell_of(high, self.edge), visit_all);
     }
 
     /// Whether any point lies within `radius` of `center`.
     pub fn any_within(&self, center: Local, radius: f64) -> bool {
         let radius_squared = radius * radius;
-        let hits = |index: CellIndex| {
-            self.points[self.cells.range(index)]
-                .iter()
-                .any(|p| (p - center).norm_squared() <= radius_squared)
-        };
-        // The cell of the centre first: there is nearly always one.
-        let home = cell_of(center, self.edge);
-        if hits(home) {
-            return true;
-        }
         let reach = Local::repeat(radius);
-        let low = cell_of(center - reach, self.edge);
-        let high = cell_of(center + reach, self.edge);
-        (low[2]..=high[2]).any(|z| {
-            (low[1]..=high[1])
-                .any(|y| (low[0]..=high[0]).any(|x| [x, y, z] != home && hits([x, y, z])))
-        })
+        let (low, high) = (
+            cell_of(center - reach, self.edge),
+            cell_of(center + reach, self.edge),
+        );
+        let search = self.cells.visit_box(low, high, |range| {
+            let mut points = self.points[range].iter();
+            if points.any(|p| (p - center).norm_squared() <= radius_squared) {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        });
+        search.is_break()
     }
 
     /// Squared distance from `center` to the nearest point but those for which

@@ -1,8 +1,16 @@
 //! Which cells of a cubic lattice are occupied, and by which points.
 //!
-//! Points are sorted by cell; an occupied cell is a range of them. Empty cells
-//! cost nothing: the occupied ones are found through a hash table with open
-//! addressing.
+//! Points are sorted by cell; an occupied cell is a range of them. Cells come in
+//! bricks of 4 × 4 × 4, which know in one word which of theirs are occupied:
+//!
+//! ```text
+//!   brick (hash table) ─► word of 64 bits ─► rank of the bit ─► range of points
+//! ```
+//!
+//! A surface fills few of the cells that a box of space touches. The word finds
+//! them without a look at the others.
+
+use std::ops::{ControlFlow, Range};
 
 use rayon::prelude::*;
 
@@ -13,21 +21,48 @@ pub type CellIndex = [i32; 3];
 
 /// The cell of edge `edge` that holds `point`.
 pub fn cell_of(point: Local, edge: f64) -> CellIndex {
-    // `as` saturates: a coordinate beyond the range lands in the last cell.
-    [point.x, point.y, point.z].map(|c| (c / edge).floor() as i32)
+    let cells_per_unit = 1.0 / edge;
+    [point.x, point.y, point.z].map(|c| {
+        // The floor, without the call that it is on processors of old. `as`
+        // saturates: a coordinate beyond the range lands in the last cell.
+        let cells = c * cells_per_unit;
+        let towards_zero = cells as i32;
+        towards_zero.saturating_sub(i32::from(cells < f64::from(towards_zero)))
+    })
 }
 
-/// Ranges of points, sorted by cell.
+/// Ranges of points, sorted by cell: brick by brick (z, y, x), and in a brick
+/// by z, y, x again.
 #[derive(Debug, Clone)]
 pub struct OccupiedCells {
+    /// The first brick on each axis …
     base: CellIndex,
-    /// Packed cells, sorted, without repeats.
-    cells: Vec<u64>,
-    /// Points `starts[k]..starts[k + 1]` lie in `cells[k]`.
+    /// … and the last.
+    top: CellIndex,
+    bricks: Vec<Brick>,
+    /// Points `starts[k]..starts[k + 1]` lie in the k-th occupied cell.
     starts: Vec<u32>,
-    /// Hash table of places in `cells`.
+    /// Hash table of places in `bricks`.
     table: Vec<u32>,
 }
+
+#[derive(Debug, Clone, Copy)]
+struct Brick {
+    key: u64,
+    /// Bit x + 4 y + 16 z stands for a cell.
+    occupied: u64,
+    /// Number of occupied cells before this brick's.
+    first: u32,
+}
+
+/// Cells along the edge of a brick, as a power of two.
+const BRICK_SHIFT: u32 = 2;
+/// Bits of the place of a cell in its brick.
+const CELL_BITS: u32 = 3 * BRICK_SHIFT;
+const CELL_MASK: i32 = (1 << BRICK_SHIFT) - 1;
+/// Bricks on an axis, as a power of two: three of these and the cell's bits
+/// fill a word.
+const AXIS_BITS: u32 = 19;
 
 const EMPTY: u32 = u32::MAX;
 
@@ -45,36 +80,50 @@ impl OccupiedCells {
         tie: impl Fn(u32) -> T + Sync,
     ) -> (Self, Vec<u32>) {
         let count = u32::try_from(cells_of_points.len()).expect("a tile has under 2^32 points");
-        let mut base = [i32::MAX; 3];
+        let (mut base, mut top) = ([i32::MAX; 3], [i32::MIN; 3]);
         for index in cells_of_points.clone() {
             for axis in 0..3 {
-                base[axis] = base[axis].min(index[axis]);
+                base[axis] = base[axis].min(index[axis] >> BRICK_SHIFT);
+                top[axis] = top[axis].max(index[axis] >> BRICK_SHIFT);
             }
         }
         let mut keyed: Vec<(u64, u32)> = cells_of_points
             .zip(0..count)
             .map(|(index, place)| {
-                let key = pack(index, base).expect("a tile spans less than 2^21 cells");
-                (key, place)
+                let brick = brick_key(index.map(|c| c >> BRICK_SHIFT), base)
+                    .expect("a tile spans less than 2^21 cells");
+                (brick << CELL_BITS | u64::from(bit_of(index)), place)
             })
             .collect();
         keyed.par_sort_unstable_by(|&(a, i), &(b, j)| {
             a.cmp(&b).then_with(|| tie(i).cmp(&tie(j))).then(i.cmp(&j))
         });
-        let mut cells: Vec<u64> = Vec::new();
+        let mut bricks: Vec<Brick> = Vec::new();
         let mut starts = Vec::new();
-        for (place, &(key, _)) in (0u32..).zip(&keyed) {
-            if cells.last() != Some(&key) {
-                cells.push(key);
-                starts.push(place);
+        let mut last = None;
+        for (start, &(key, _)) in (0u32..).zip(&keyed) {
+            if last == Some(key) {
+                continue;
             }
+            last = Some(key);
+            let (brick, bit) = (key >> CELL_BITS, 1 << (key & ((1 << CELL_BITS) - 1)));
+            match bricks.last_mut() {
+                Some(current) if current.key == brick => current.occupied |= bit,
+                _ => bricks.push(Brick {
+                    key: brick,
+                    occupied: bit,
+                    first: starts.len() as u32,
+                }),
+            }
+            starts.push(start);
         }
         starts.push(count);
-        let table = hash_table(&cells);
+        let table = hash_table(&bricks);
         let order = keyed.into_iter().map(|(_, place)| place).collect();
         let occupied = Self {
             base,
-            cells,
+            top,
+            bricks,
             starts,
             table,
         };
@@ -83,50 +132,121 @@ impl OccupiedCells {
 
     /// Number of occupied cells.
     pub fn len(&self) -> usize {
-        self.cells.len()
+        self.starts.len() - 1
     }
 
     /// Whether there is no point at all.
     pub fn is_empty(&self) -> bool {
-        self.cells.is_empty()
+        self.bricks.is_empty()
     }
 
     /// The ranges of points of the occupied cells, in their order.
-    pub fn ranges(&self) -> impl ExactSizeIterator<Item = std::ops::Range<usize>> + '_ {
+    pub fn ranges(&self) -> impl ExactSizeIterator<Item = Range<usize>> + '_ {
         self.starts.windows(2).map(|w| w[0] as usize..w[1] as usize)
     }
 
     /// The range of points in the cell `index`; empty if there are none.
-    pub fn range(&self, index: CellIndex) -> std::ops::Range<usize> {
-        self.place(index).map_or(0..0, |place| {
-            self.starts[place] as usize..self.starts[place + 1] as usize
-        })
+    pub fn range(&self, index: CellIndex) -> Range<usize> {
+        self.place(index)
+            .map_or(0..0, |place| self.points_of(place))
     }
 
     /// The place of the cell `index` among the occupied ones, if it is one.
     pub fn place(&self, index: CellIndex) -> Option<usize> {
-        let key = pack(index, self.base)?;
+        let brick = self.brick(index.map(|c| c >> BRICK_SHIFT))?;
+        let bit = 1 << bit_of(index);
+        (brick.occupied & bit != 0).then(|| brick.place(bit))
+    }
+
+    /// Calls `visit` with the points of every occupied cell from `low` to
+    /// `high`, both included, in the order of the cells, until it breaks.
+    pub fn visit_box<B>(
+        &self,
+        low: CellIndex,
+        high: CellIndex,
+        mut visit: impl FnMut(Range<usize>) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        // What of the box a brick has on one axis: from and up to which cell.
+        let part = |axis: usize, brick: i32| {
+            let start = brick << BRICK_SHIFT;
+            [
+                low[axis].saturating_sub(start).max(0) as u32,
+                high[axis].saturating_sub(start).min(CELL_MASK) as u32,
+            ]
+        };
+        let bricks = |axis: usize| {
+            let first = (low[axis] >> BRICK_SHIFT).max(self.base[axis]);
+            first..=(high[axis] >> BRICK_SHIFT).min(self.top[axis])
+        };
+        for z in bricks(2) {
+            // Whole layers of 16 cells, then rows of 4, then cells.
+            let layers = bits(part(2, z), 16);
+            for y in bricks(1) {
+                let rows = layers & (bits(part(1, y), 4) * 0x0001_0001_0001_0001);
+                for x in bricks(0) {
+                    let Some(brick) = self.brick([x, y, z]) else {
+                        continue;
+                    };
+                    let cells = rows & (bits(part(0, x), 1) * 0x1111_1111_1111_1111);
+                    let mut left = brick.occupied & cells;
+                    while left != 0 {
+                        let bit = left & left.wrapping_neg();
+                        left ^= bit;
+                        visit(self.points_of(brick.place(bit)))?;
+                    }
+                }
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn points_of(&self, place: usize) -> Range<usize> {
+        self.starts[place] as usize..self.starts[place + 1] as usize
+    }
+
+    fn brick(&self, brick: CellIndex) -> Option<&Brick> {
+        let key = brick_key(brick, self.base)?;
         let mask = self.table.len() - 1;
         let mut slot = spread(key) as usize & mask;
         loop {
             match self.table[slot] {
                 EMPTY => return None,
-                place if self.cells[place as usize] == key => return Some(place as usize),
-                _ => slot = (slot + 1) & mask,
+                place => {
+                    let brick = &self.bricks[place as usize];
+                    if brick.key == key {
+                        return Some(brick);
+                    }
+                }
             }
+            slot = (slot + 1) & mask;
         }
     }
 
-    /// Bytes of memory held per occupied cell, at most.
-    pub const BYTES_PER_CELL: usize = 8 + 4 + 16;
+    /// Bytes of memory held per occupied cell, at most: with every cell in a
+    /// brick of its own.
+    pub const BYTES_PER_CELL: usize = 4 + size_of::<Brick>() + 16;
 }
 
-/// Twice as many slots as cells keep the probes short.
-fn hash_table(cells: &[u64]) -> Vec<u32> {
-    let mut table = vec![EMPTY; (2 * cells.len()).next_power_of_two().max(2)];
+impl Brick {
+    /// The place of the cell with this one `bit` among the occupied cells.
+    fn place(&self, bit: u64) -> usize {
+        self.first as usize + (self.occupied & (bit - 1)).count_ones() as usize
+    }
+}
+
+/// A word with the groups of `size` bits from the first to the last of `part`
+/// set, of the four that there are.
+fn bits([first, last]: [u32; 2], size: u32) -> u64 {
+    let up_to = |groups: u32| u64::MAX.checked_shr(64 - groups * size).unwrap_or(0);
+    up_to(last + 1) & !up_to(first)
+}
+
+/// Twice as many slots as bricks keep the probes short.
+fn hash_table(bricks: &[Brick]) -> Vec<u32> {
+    let mut table = vec![EMPTY; (2 * bricks.len()).next_power_of_two().max(2)];
     let mask = table.len() - 1;
-    for (place, &key) in (0u32..).zip(cells) {
-        let mut slot = spread(key) as usize & mask;
+    for (place, brick) in (0u32..).zip(bricks) {
+        let mut slot = spread(brick.key) as usize & mask;
         while table[slot] != EMPTY {
             slot = (slot + 1) & mask;
         }
@@ -135,16 +255,22 @@ fn hash_table(cells: &[u64]) -> Vec<u32> {
     table
 }
 
-/// Three cell indices in one integer that sorts by z, y, x; `None` if the cell
-/// is out of range of `base`.
-fn pack(index: CellIndex, base: CellIndex) -> Option<u64> {
+/// The bit of a cell in the word of its brick.
+fn bit_of(index: CellIndex) -> u32 {
+    let [x, y, z] = index.map(|c| (c & CELL_MASK) as u32);
+    x | y << BRICK_SHIFT | z << (2 * BRICK_SHIFT)
+}
+
+/// Three brick indices in one integer that sorts by z, y, x; `None` if the
+/// brick is out of range of `base`.
+fn brick_key(brick: CellIndex, base: CellIndex) -> Option<u64> {
     let mut key = 0u64;
     for axis in [2, 1, 0] {
-        let from_base = i64::from(index[axis]) - i64::from(base[axis]);
-        if !(0..1 << 21).contains(&from_base) {
+        let from_base = i64::from(brick[axis]) - i64::from(base[axis]);
+        if !(0..1 << AXIS_BITS).contains(&from_base) {
             return None;
         }
-        key = key << 21 | from_base as u64;
+        key = key << AXIS_BITS | from_base as u64;
     }
     Some(key)
 }
@@ -157,4 +283,40 @@ pub(crate) fn spread(key: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The naive twin looks at every cell.
+    #[test]
+    fn a_box_holds_the_cells_that_lie_in_it() {
+        let cells: Vec<CellIndex> = (0..900)
+            .map(|i| [0, 1, 2].map(|axis| (spread(3 * i + axis) % 23) as i32 - 11))
+            .collect();
+        let (occupied, order) = OccupiedCells::sort(cells.iter().copied(), |_| ());
+        for k in 0..200 {
+            let corner = |salt: u64| {
+                [0, 1, 2].map(|axis| (spread(1000 * salt + 3 * k + axis) % 29) as i32 - 14)
+            };
+            let (low, size) = (corner(1), corner(2));
+            let high = [0, 1, 2].map(|axis| low[axis] + size[axis].abs());
+            let mut found = Vec::new();
+            let _ = occupied.visit_box(low, high, |range| {
+                found.extend(order[range].iter().map(|&i| i as usize));
+                ControlFlow::<()>::Continue(())
+            });
+            found.sort_unstable();
+            let truth: Vec<usize> = (0..cells.len())
+                .filter(|&i| (0..3).all(|a| (low[a]..=high[a]).contains(&cells[i][a])))
+                .collect();
+            assert_eq!(found, truth);
+        }
+        for (i, &cell) in cells.iter().enumerate() {
+            let mut range = occupied.range(cell);
+            assert!(range.any(|place| order[place] as usize == i));
+        }
+        assert!(occupied.range([100, 0, 0]).is_empty());
+    }
 }

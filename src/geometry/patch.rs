@@ -15,7 +15,7 @@
 //! neighbour comes or goes; the frame's origin is the seed itself; and the
 //! surface is kept as a formula, not as a mesh.
 
-use nalgebra::{Matrix3, SymmetricEigen};
+use nalgebra::Matrix3;
 
 use super::Local;
 
@@ -27,7 +27,8 @@ use super::Local;
 pub struct Patch {
     /// Where `u = v = w = 0`.
     pub origin: Local,
-    /// The directions of `u`, `v` and `w`: orthonormal, right-handed.
+    /// The directions of `u`, `v` and `w`: orthonormal, right-handed. The last
+    /// is the narrow one of the neighbourhood.
     pub axes: [Local; 3],
     h: f64,
     p: f64,
@@ -71,37 +72,42 @@ impl Patch {
     ///
     /// `None` with fewer than four neighbours, or if they lie on one line.
     pub fn fit(seed: Local, neighbors: &[Local], radius: f64, kind: PatchKind) -> Option<Self> {
-        let radius_squared = radius * radius;
+        let per_radius_squared = 1.0 / (radius * radius);
         let weight = |d: Local| {
-            let inside = 1.0 - d.norm_squared() / radius_squared;
-            if inside > 0.0 { inside * inside } else { 0.0 }
+            (1.0 - d.norm_squared() * per_radius_squared)
+                .max(0.0)
+                .powi(2)
         };
 
         // The best fitting plane: weighted mean and covariance.
         let (mut total, mut mean, mut support) = (0.0, Local::zeros(), 0);
+        let mut second = [0.0; 6];
         for &point in neighbors {
             let d = point - seed;
             let w = weight(d);
-            if w > 0.0 {
-                total += w;
-                mean += d * w;
-                support += 1;
+            let e = d * w;
+            total += w;
+            mean += e;
+            for (sum, term) in second.iter_mut().zip([
+                e.x * d.x,
+                e.x * d.y,
+                e.x * d.z,
+                e.y * d.y,
+                e.y * d.z,
+                e.z * d.z,
+            ]) {
+                *sum += term;
             }
+            support += u32::from(w > 0.0);
         }
         if support < MIN_SUPPORT {
             return None;
         }
         mean /= total;
-        let mut covariance = Matrix3::zeros();
-        for &point in neighbors {
-            let d = point - seed;
-            let w = weight(d);
-            if w > 0.0 {
-                let e = d - mean;
-                covariance += e * e.transpose() * w;
-            }
-        }
-        let (spread, [u, v, n]) = principal_axes(covariance)?;
+        let [xx, xy, xz, yy, yz, zz] = second;
+        let covariance =
+            Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) - mean * mean.transpose() * total;
+        let (spread, [u, v, n]) = narrow_frame(covariance)?;
         if spread[1].is_nan() || spread[1] <= 1e-9 * spread[0] {
             return None;
         }
@@ -126,11 +132,8 @@ impl Patch {
 
         let mut squares = 0.0;
         for &point in neighbors {
-            let w = weight(point - seed);
-            if w > 0.0 {
-                let [u, v, height] = patch.coordinates(point);
-                squares += w * (height - patch.height(u, v)).powi(2);
-            }
+            let [u, v, height] = patch.coordinates(point);
+            squares += weight(point - seed) * (height - patch.height(u, v)).powi(2);
         }
         patch.residual = (squares / total).sqrt();
         Some(patch)
@@ -146,31 +149,53 @@ impl Patch {
         weight: impl Fn(Local) -> f64,
     ) {
         // Unknowns are scaled by `radius`, so that the six columns have like
-        // magnitude and the pivot test below has no unit.
-        let mut normal = [[0.0; 6]; 6];
+        // magnitude and the pivot test below has no unit. The normal equations
+        // are moments Σ w uⁱ vʲ: `degree[d][j]` with i = d − j.
+        let per_radius = 1.0 / radius;
+        let mut degree = [[0.0; 5]; 5];
         let mut right = [0.0; 6];
         for &point in neighbors {
             let w = weight(point - seed);
-            if w <= 0.0 {
-                continue;
-            }
-            let [u, v, height] = self.coordinates(point).map(|c| c / radius);
-            let row = [1.0, u, v, 0.5 * u * u, u * v, 0.5 * v * v];
-            for i in 0..6 {
-                let wi = w * row[i];
-                right[i] += wi * height;
-                for j in 0..=i {
-                    normal[i][j] += wi * row[j];
+            let [u, v, height] = self.coordinates(point).map(|c| c * per_radius);
+            let (wu, wv) = (w * u, w * v);
+            let (wuu, wuv, wvv) = (wu * u, wu * v, wv * v);
+            let (uu, uv, vv) = (u * u, u * v, v * v);
+            for (d, terms) in [
+                [w, 0.0, 0.0, 0.0, 0.0],
+                [wu, wv, 0.0, 0.0, 0.0],
+                [wuu, wuv, wvv, 0.0, 0.0],
+                [wuu * u, wuu * v, wvv * u, wvv * v, 0.0],
+                [wuu * uu, wuu * uv, wuu * vv, wuv * vv, wvv * vv],
+            ]
+            .iter()
+            .enumerate()
+            {
+                for (sum, term) in degree[d].iter_mut().zip(&terms[..=d]) {
+                    *sum += term;
                 }
             }
+            for (sum, term) in right.iter_mut().zip([w, wu, wv, 0.5 * wuu, wuv, 0.5 * wvv]) {
+                *sum += term * height;
+            }
         }
+        // Rows and columns: 1, u, v, ½u², uv, ½v², as (factor, i, j).
+        const TERMS: [(f64, usize, usize); 6] = [
+            (1.0, 0, 0),
+            (1.0, 1, 0),
+            (1.0, 0, 1),
+            (0.5, 2, 0),
+            (1.0, 1, 1),
+            (0.5, 0, 2),
+        ];
+        let normal =
+            TERMS.map(|(f, i, j)| TERMS.map(|(g, k, l)| f * g * degree[i + j + k + l][j + l]));
         if let Some([h, p, q, a, b, c]) = solve_cholesky(normal, right) {
             self.h = h * radius;
             self.p = p;
             self.q = q;
-            self.a = a / radius;
-            self.b = b / radius;
-            self.c = c / radius;
+            self.a = a * per_radius;
+            self.b = b * per_radius;
+            self.c = c * per_radius;
         }
     }
 
@@ -208,21 +233,59 @@ impl Patch {
     }
 }
 
-/// Eigenvalues in falling order with a right-handed frame of eigenvectors,
-/// whose signs are fixed by the vectors themselves; `None` if `covariance` is
-/// zero or not finite.
-fn principal_axes(covariance: Matrix3<f64>) -> Option<([f64; 3], [Local; 3])> {
-    // `SymmetricEigen` would not return from an infinite matrix.
-    let scale = covariance.amax();
-    if !(scale > 0.0 && scale.is_finite()) {
+/// Eigenvalues of a covariance in falling order, and a right-handed frame whose
+/// third axis belongs to the smallest; `None` if there is no such axis, or
+/// `covariance` is zero or not finite.
+///
+/// Roots and products alone, no angles: the same bits on every machine.
+fn narrow_frame(covariance: Matrix3<f64>) -> Option<([f64; 3], [Local; 3])> {
+    let trace = covariance.trace();
+    if !(trace > 0.0 && trace.is_finite()) {
         return None;
     }
-    let eigen = SymmetricEigen::new(covariance / scale);
-    let mut order = [0, 1, 2];
-    order.sort_by(|&i, &j| eigen.eigenvalues[j].total_cmp(&eigen.eigenvalues[i]));
-    let spread = order.map(|k| eigen.eigenvalues[k].max(0.0) * scale);
-    let u: Local = eigen.eigenvectors.column(order[0]).into();
-    let n: Local = eigen.eigenvectors.column(order[2]).into();
+    let m = covariance / trace;
+    // The characteristic polynomial λ³ − λ² + minors λ − determinant falls to
+    // zero from the left at its smallest root: Newton's steps from 0 never pass
+    // it. They converge fast unless the two smaller roots are close, and then
+    // there is no surface.
+    let [xx, xy, xz, yy, yz, zz] = [m.m11, m.m12, m.m13, m.m22, m.m23, m.m33];
+    let minors = xx * yy - xy * xy + xx * zz - xz * xz + yy * zz - yz * yz;
+    let determinant =
+        xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
+    let mut smallest = 0.0_f64;
+    for _ in 0..24 {
+        let value = ((smallest - 1.0) * smallest + minors) * smallest - determinant;
+        let slope = (3.0 * smallest - 2.0) * smallest + minors;
+        let step = -value / slope;
+        if step.is_nan() || step <= 1e-15 {
+            break;
+        }
+        smallest += step;
+    }
+    // The other two have the rest of the trace and of the minors.
+    let half_sum = 0.5 * (1.0 - smallest);
+    let product = minors - 2.0 * smallest * half_sum;
+    let half_gap = (half_sum * half_sum - product).max(0.0).sqrt();
+    let spread = [half_sum + half_gap, half_sum - half_gap, smallest].map(|s| s.max(0.0) * trace);
+
+    // What is left of the matrix without the smallest eigenvalue has rank two:
+    // the normal of its rows is the axis.
+    let rest = m - Matrix3::from_diagonal_element(smallest);
+    let rows = [rest.column(0), rest.column(1), rest.column(2)];
+    let normal = [(0, 1), (0, 2), (1, 2)]
+        .map(|(i, j)| rows[i].cross(&rows[j]))
+        .into_iter()
+        .max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()))?;
+    let length = normal.norm();
+    if length.is_nan() || length <= 1e-12 {
+        return None;
+    }
+    let n = normal / length;
+    // Any direction across will do for the first: along the coordinate axis
+    // that is farthest from the normal.
+    let mut u = Local::zeros();
+    u[n.iamin()] = 1.0;
+    u = (u - n * n.dot(&u)).normalize();
     Some((spread, [u, n.cross(&u), n]))
 }
 
@@ -342,6 +405,36 @@ mod tests {
         assert!(Patch::fit(same[0], &same, 1.0, PatchKind::Quadratic).is_none());
         let bad = vec![Local::repeat(f64::NAN); 40];
         assert!(Patch::fit(bad[0], &bad, 1.0, PatchKind::Quadratic).is_none());
+    }
+
+    /// The twin: nalgebra's iterative solver.
+    #[test]
+    fn the_narrow_frame_agrees_with_an_iterative_eigen_solver() {
+        let mut state = 5_u64;
+        let mut roll = || {
+            state = crate::geometry::spread(state);
+            state as f64 / u64::MAX as f64 - 0.5
+        };
+        for flatness in [1.0, 0.3, 1e-3, 1e-6, 0.0] {
+            for _ in 0..50 {
+                let turn =
+                    nalgebra::Rotation3::from_euler_angles(roll(), 6.0 * roll(), 6.0 * roll());
+                let mut covariance = Matrix3::zeros();
+                for _ in 0..20 {
+                    let p = turn * Local::new(roll(), 0.6 * roll(), 0.3 * flatness * roll());
+                    covariance += p * p.transpose() * 1e-4;
+                }
+                let (spread, [_, _, n]) = narrow_frame(covariance).unwrap();
+                let eigen = nalgebra::SymmetricEigen::new(covariance);
+                let mut order = [0, 1, 2];
+                order.sort_by(|&i, &j| eigen.eigenvalues[j].total_cmp(&eigen.eigenvalues[i]));
+                for (k, &o) in order.iter().enumerate() {
+                    assert!((spread[k] - eigen.eigenvalues[o]).abs() < 1e-12 * spread[0]);
+                }
+                let cosine = n.dot(&eigen.eigenvectors.column(order[2]));
+                assert!((cosine.abs() - 1.0).abs() < 1e-9, "{cosine}");
+            }
+        }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{anderson::Anderson, relaxation::Relaxation};
+use super::{anderson::Anderson, relaxation::Relaxation, solver::Step};
 use crate::geometry::{Local, Stored};
 
 /// How an iteration goes from the centroids to the next sites.
@@ -28,30 +28,43 @@ pub(super) const LINKS: usize = 10;
 pub(super) const NO_LINK: u32 = u32::MAX;
 
 /// What a Lloyd step found for every site, in the order of the sites.
-#[derive(Debug)]
 pub(super) struct Iterate<'a> {
     /// Where the sites are (paper: Y).
     pub(super) sites: &'a [Local],
-    /// The centroids, projected and restricted (paper: G(Y)).
-    pub(super) targets: &'a [Local],
-    /// Sites whose cells touch.
-    pub(super) links: &'a [[u32; LINKS]],
+    /// Where the step would have them.
+    pub(super) steps: &'a [Step],
     /// Spacing asked for (CRS units).
     pub(super) spacing: f64,
 }
 
 impl Iterate<'_> {
-    pub(super) fn residual(&self, site: usize) -> Local {
-        self.targets[site] - self.sites[site]
+    /// The centroid, projected and restricted (paper: G(Y)).
+    pub(super) fn target(&self, site: usize) -> Local {
+        self.steps[site].target
     }
 
-    /// Distance from `site` to its nearest linked neighbour were the sites at
-    /// `places`.
-    pub(super) fn nearest_distance(&self, site: usize, places: &[Local]) -> Option<f64> {
-        self.links[site]
+    pub(super) fn residual(&self, site: usize) -> Local {
+        self.target(site) - self.sites[site]
+    }
+
+    /// The sites whose cells touch that of `site`.
+    pub(super) fn links(&self, site: usize) -> impl Iterator<Item = usize> {
+        self.steps[site]
+            .links
             .iter()
             .take_while(|&&link| link != NO_LINK)
-            .map(|&link| (places[link as usize] - places[site]).norm_squared())
+            .map(|&link| link as usize)
+    }
+
+    /// Distance from `site` to its nearest linked neighbour were each site
+    /// where `place` says.
+    pub(super) fn nearest_distance(
+        &self,
+        site: usize,
+        place: impl Fn(usize) -> Local,
+    ) -> Option<f64> {
+        self.links(site)
+            .map(|link| (place(link) - place(site)).norm_squared())
             .min_by(f64::total_cmp)
             .map(f64::sqrt)
     }
@@ -84,16 +97,12 @@ impl Accelerator {
     }
 
     /// Places beyond the targets, to be projected and restricted by the
-    /// caller; `project` does it for those that must be looked at first.
-    pub(super) fn next(
-        &mut self,
-        iterate: &Iterate<'_>,
-        project: &(dyn Fn(usize, Local) -> Local + Sync),
-    ) -> Vec<Local> {
+    /// caller.
+    pub(super) fn next(&mut self, iterate: &Iterate<'_>) -> Vec<Local> {
         match self {
-            Self::None => iterate.targets.to_vec(),
+            Self::None => iterate.steps.iter().map(|step| step.target).collect(),
             Self::Relaxation(relaxation) => relaxation.next(iterate),
-            Self::Anderson(anderson) => anderson.next(iterate, project),
+            Self::Anderson(anderson) => anderson.next(iterate),
         }
     }
 }

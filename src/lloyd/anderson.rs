@@ -59,33 +59,24 @@ impl Anderson {
         }
     }
 
-    pub(super) fn next(
-        &mut self,
-        iterate: &Iterate<'_>,
-        project: &(dyn Fn(usize, Local) -> Local + Sync),
-    ) -> Vec<Local> {
+    pub(super) fn next(&mut self, iterate: &Iterate<'_>) -> Vec<Local> {
         let count = iterate.sites.len();
+        let targets: Vec<Local> = (0..count).map(|i| iterate.target(i)).collect();
         let residuals: Vec<Local> = (0..count).map(|i| iterate.residual(i)).collect();
         let depth = self.history.len();
         let next = if depth == 0 {
-            iterate.targets.to_vec()
+            targets.clone()
         } else {
-            let mixed = self.mixture(iterate, &residuals, project);
+            let mixed = self.mixture(iterate, &residuals);
             self.check(iterate, &mixed)
         };
-        self.history
-            .insert(0, (iterate.targets.to_vec(), residuals));
+        self.history.insert(0, (targets, residuals));
         self.history.truncate(MEMORY);
         next
     }
 
     /// The least squares of every block, and what they make of each site.
-    fn mixture(
-        &self,
-        iterate: &Iterate<'_>,
-        residuals: &[Local],
-        project: &(dyn Fn(usize, Local) -> Local + Sync),
-    ) -> Vec<Local> {
+    fn mixture(&self, iterate: &Iterate<'_>, residuals: &[Local]) -> Vec<Local> {
         let largest = (LARGEST_DIFFERENCE * iterate.spacing).powi(2);
         let depth = self.history.len();
         let equations = self.blocks.sum(|site| {
@@ -114,7 +105,7 @@ impl Anderson {
             .into_par_iter()
             .map(|site| {
                 let gamma = self.blocks.blend(site, |block| gammas[block]);
-                let lloyd = iterate.targets[site];
+                let lloyd = iterate.target(site);
                 let mut mixed = lloyd;
                 for (share, (past, _)) in gamma.iter().zip(&self.history) {
                     mixed += (past[site] - lloyd) * *share;
@@ -123,7 +114,7 @@ impl Anderson {
                 let limit = LARGEST_LEAP * iterate.spacing;
                 // Written so that NaN is refused too.
                 if leap.norm() <= limit {
-                    project(site, mixed)
+                    iterate.steps[site].project(mixed)
                 } else {
                     lloyd
                 }
@@ -135,8 +126,8 @@ impl Anderson {
     fn check(&self, iterate: &Iterate<'_>, mixed: &[Local]) -> Vec<Local> {
         let sums = self.blocks.sum(|site| {
             let both = iterate
-                .nearest_distance(site, mixed)
-                .zip(iterate.nearest_distance(site, iterate.targets));
+                .nearest_distance(site, |s| mixed[s])
+                .zip(iterate.nearest_distance(site, |s| iterate.target(s)));
             let [m, l] = both.map_or([0.0; 2], |(m, l)| [m, l]);
             let one = f64::from(u8::from(both.is_some()));
             (
@@ -162,7 +153,8 @@ impl Anderson {
             .into_par_iter()
             .map(|site| {
                 let [share, ..] = self.blocks.blend(site, |block| accepted[block]);
-                iterate.targets[site] + (mixed[site] - iterate.targets[site]) * share
+                let lloyd = iterate.target(site);
+                lloyd + (mixed[site] - lloyd) * share
             })
             .collect()
     }
@@ -294,7 +286,7 @@ fn solve((matrix, right): Equations, depth: usize) -> [f64; MEMORY] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lloyd::acceleration::{LINKS, NO_LINK};
+    use crate::lloyd::solver::Step;
 
     /// A linear fixed point iteration x ← M x in every coordinate, with known
     /// answer 0: Anderson must find it in a few steps where plain iteration
@@ -310,21 +302,20 @@ mod tests {
         let mut anderson = Anderson::global(&identities, 1.0);
         let mut sites: Vec<Local> = (0..count).map(|_| Local::new(0.01, -0.02, 0.005)).collect();
         let mut plain = sites.clone();
-        let links = vec![[NO_LINK; LINKS]; sites.len()];
         for _ in 0..6 {
             plain = step(&plain);
             let targets = step(&sites);
+            let steps: Vec<Step> = targets.iter().map(|&t| Step::new(0, t)).collect();
             let iterate = Iterate {
                 sites: &sites,
-                targets: &targets,
-                links: &links,
+                steps: &steps,
                 spacing: 1.0,
             };
             let residuals: Vec<Local> = (0..sites.len()).map(|i| iterate.residual(i)).collect();
             let next = if anderson.history.is_empty() {
                 targets.clone()
             } else {
-                anderson.mixture(&iterate, &residuals, &|_, x| x)
+                anderson.mixture(&iterate, &residuals)
             };
             anderson.history.insert(0, (targets, residuals));
             anderson.history.truncate(MEMORY);

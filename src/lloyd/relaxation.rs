@@ -12,7 +12,7 @@
 
 use rayon::prelude::*;
 
-use super::acceleration::{Iterate, NO_LINK};
+use super::acceleration::Iterate;
 use crate::geometry::Local;
 
 /// ω gains this much for each iteration that went well …
@@ -24,48 +24,63 @@ const LARGEST_RESIDUAL: f64 = 0.25;
 
 #[derive(Debug)]
 pub(super) struct Relaxation {
-    omega: Vec<f64>,
-    /// Residuals of the last iteration, and squared norms of the one before.
-    last: Vec<Local>,
-    before_last: Vec<f64>,
+    sites: Vec<Memory>,
+}
+
+/// What a site remembers.
+#[derive(Clone, Copy, Debug)]
+struct Memory {
+    omega: f64,
+    /// Residual of the last iteration …
+    last: Local,
+    /// … its squared norm, and that of the one before.
+    squares: [f64; 2],
 }
 
 impl Relaxation {
     pub(super) fn new(sites: usize) -> Self {
+        let fresh = Memory {
+            omega: 1.0,
+            last: Local::zeros(),
+            squares: [0.0, f64::INFINITY],
+        };
         Self {
-            omega: vec![1.0; sites],
-            last: vec![Local::zeros(); sites],
-            before_last: vec![f64::INFINITY; sites],
+            sites: vec![fresh; sites],
         }
     }
 
     pub(super) fn next(&mut self, iterate: &Iterate<'_>) -> Vec<Local> {
         let largest = (LARGEST_RESIDUAL * iterate.spacing).powi(2);
-        let omega: Vec<f64> = (0..iterate.sites.len())
+        let memory = &self.sites;
+        let next: Vec<(Local, Memory)> = (0..memory.len())
             .into_par_iter()
             .map(|site| {
+                let own = memory[site];
                 let residual = iterate.residual(site);
+                let square = residual.norm_squared();
                 let (mut now, mut before) = (0.0, 0.0);
-                for &link in iterate.links[site].iter().take_while(|&&l| l != NO_LINK) {
-                    now += self.last[link as usize].norm_squared();
-                    before += self.before_last[link as usize];
+                for link in iterate.links(site) {
+                    let [last, before_last] = memory[link].squares;
+                    now += last;
+                    before += before_last;
                 }
                 let shrinks = now <= before;
-                let keeps_direction = residual.dot(&self.last[site]) >= 0.0;
-                if shrinks && keeps_direction && residual.norm_squared() <= largest {
-                    (self.omega[site] + GAIN).min(MOST)
+                let keeps_direction = residual.dot(&own.last) >= 0.0;
+                let omega = if shrinks && keeps_direction && square <= largest {
+                    (own.omega + GAIN).min(MOST)
                 } else {
                     1.0
-                }
+                };
+                let memory = Memory {
+                    omega,
+                    last: residual,
+                    squares: [square, own.squares[0]],
+                };
+                (iterate.sites[site] + residual * omega, memory)
             })
             .collect();
-        self.omega = omega;
-        for site in 0..iterate.sites.len() {
-            self.before_last[site] = self.last[site].norm_squared();
-            self.last[site] = iterate.residual(site);
-        }
-        (0..iterate.sites.len())
-            .map(|site| iterate.sites[site] + iterate.residual(site) * self.omega[site])
-            .collect()
+        let places;
+        (places, self.sites) = next.into_iter().unzip();
+        places
     }
 }

@@ -10,7 +10,7 @@
 //!
 //! Sums are of integers, so they do not depend on the order of the points.
 
-use rayon::prelude::*;
+use std::ops::{ControlFlow, Range};
 
 use crate::geometry::{Lattice, Local, NeighborGrid, OccupiedCells, Stored, cell_of, spread};
 
@@ -83,7 +83,7 @@ impl Scan {
             voxel,
             points,
             voxels,
-            samples: NeighborGrid::new(&means, fit_radius),
+            samples: NeighborGrid::new(&means, 0.4 * fit_radius),
             counts,
         }
     }
@@ -103,9 +103,10 @@ impl Scan {
         self.voxel
     }
 
-    /// The points of every occupied voxel, the one of highest priority first.
-    pub fn voxels(&self) -> impl ExactSizeIterator<Item = &[Stored]> + '_ {
-        self.voxels.ranges().map(|range| &self.points[range])
+    /// The places in [`points`](Self::points) of every occupied voxel's points,
+    /// the one of highest priority first.
+    pub fn voxels(&self) -> impl ExactSizeIterator<Item = Range<usize>> + '_ {
+        self.voxels.ranges()
     }
 
     /// The samples, to be visited around a place.
@@ -121,7 +122,21 @@ impl Scan {
     /// Whether a point of the scan lies within `radius` (CRS units) of
     /// `place`.
     pub fn has_point_within(&self, place: Local, radius: f64) -> bool {
-        self.nearest_where(place, radius, true).is_some()
+        let radius_squared = radius * radius;
+        let is_near = |p: usize| (self.local(p) - place).norm_squared() <= radius_squared;
+        // The voxel of the place itself answers nearly always.
+        let mut home = self.voxels.range(cell_of(place, self.voxel));
+        if home.any(is_near) {
+            return true;
+        }
+        let search = self.voxels_around(place, radius, |mut range| {
+            if range.any(is_near) {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        });
+        search.is_break()
     }
 
     /// The point of the scan nearest to `place` within `radius` (CRS units)
@@ -129,7 +144,7 @@ impl Scan {
     pub fn nearest(&self, place: Local, radius: f64) -> Option<(Stored, f64)> {
         let mut reach = self.voxel.min(radius);
         loop {
-            match self.nearest_where(place, reach, false) {
+            match self.nearest_where(place, reach) {
                 Some((point, squared)) => return Some((point, squared.sqrt())),
                 None if reach >= radius => return None,
                 None => reach = (2.0 * reach).min(radius),
@@ -137,37 +152,58 @@ impl Scan {
         }
     }
 
-    fn nearest_where(&self, place: Local, radius: f64, any: bool) -> Option<(Stored, f64)> {
-        let reach = Local::repeat(radius);
-        let low = cell_of(place - reach, self.voxel);
-        let high = cell_of(place + reach, self.voxel);
-        let mut best: Option<(Stored, f64)> = None;
-        let mut limit = radius * radius;
-        for z in low[2]..=high[2] {
-            for y in low[1]..=high[1] {
-                for x in low[0]..=high[0] {
-                    for &point in &self.points[self.voxels.range([x, y, z])] {
-                        let squared = (self.lattice.local(point) - place).norm_squared();
-                        if squared < limit
-                            || squared == limit && best.is_none_or(|(b, _)| point < b)
-                        {
-                            best = Some((point, squared));
-                            limit = squared;
-                            if any {
-                                return best;
-                            }
-                        }
-                    }
+    /// Calls `visit` with the place of every point nearer than `radius` (CRS
+    /// units) to `center`.
+    pub(super) fn visit_within(&self, center: Local, radius: f64, mut visit: impl FnMut(usize)) {
+        let _ = self.voxels_around(center, radius, |range| {
+            for place in range {
+                let distance_squared = (self.local(place) - center).norm_squared();
+                if distance_squared < radius * radius {
+                    visit(place);
                 }
             }
-        }
+            ControlFlow::<()>::Continue(())
+        });
+    }
+
+    fn local(&self, place: usize) -> Local {
+        self.lattice.local(self.points[place])
+    }
+
+    fn voxels_around<B>(
+        &self,
+        center: Local,
+        radius: f64,
+        visit: impl FnMut(Range<usize>) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
+        let reach = Local::repeat(radius);
+        self.voxels.visit_box(
+            cell_of(center - reach, self.voxel),
+            cell_of(center + reach, self.voxel),
+            visit,
+        )
+    }
+
+    fn nearest_where(&self, place: Local, radius: f64) -> Option<(Stored, f64)> {
+        let mut best: Option<(Stored, f64)> = None;
+        let mut limit = radius * radius;
+        let _ = self.voxels_around(place, radius, |range| {
+            for &point in &self.points[range] {
+                let squared = (self.lattice.local(point) - place).norm_squared();
+                if squared < limit || squared == limit && best.is_none_or(|(b, _)| point < b) {
+                    best = Some((point, squared));
+                    limit = squared;
+                }
+            }
+            ControlFlow::<()>::Continue(())
+        });
         best
     }
 
     /// For every occupied voxel its point of highest priority, if `chosen`
     /// says so of it: an even, unbiased choice of places of the scan.
     pub fn representatives(&self) -> impl ExactSizeIterator<Item = Stored> + '_ {
-        self.voxels().map(|held| held[0])
+        self.voxels().map(|voxel| self.points[voxel.start])
     }
 
     /// Bytes of memory at the peak of [`Scan::new`] for each point, with
@@ -176,19 +212,6 @@ impl Scan {
 
     /// Bytes held for each occupied voxel.
     pub const BYTES_PER_VOXEL: usize = 2 * OccupiedCells::BYTES_PER_CELL + 24 + 4 + 4 + 24;
-
-    /// Applies `rule` to every voxel, in parallel; results come in the order
-    /// of the voxels.
-    pub(super) fn map_voxels<T: Send>(
-        &self,
-        rule: impl Fn(&[Stored]) -> Option<T> + Sync + Send,
-    ) -> Vec<T> {
-        let ranges: Vec<_> = self.voxels.ranges().collect();
-        ranges
-            .into_par_iter()
-            .filter_map(|range| rule(&self.points[range]))
-            .collect()
-    }
 }
 
 /// The priority of a point in every election: a hash of what it is, not of

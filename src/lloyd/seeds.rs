@@ -12,19 +12,16 @@
 //!   in each one's cell as its area owes.
 //! * [`SeedRule::Random`]: the paper's baseline.
 
-use std::{
-    collections::HashMap,
-    hash::{BuildHasherDefault, Hasher},
-};
+use std::ops::Range;
 
 use rayon::prelude::*;
 
 use super::{
     Options, Scan,
     scan::priority,
-    step::{Neighborhoods, local_patch},
+    step::{Neighborhoods, Scratch, local_patch},
 };
-use crate::geometry::{Cell, CellIndex, Local, Rect, Stored, cell_of, spread};
+use crate::geometry::{Local, Rect, Stored, spread};
 
 /// Radius of the Poisson-disk election, in spacings.
 ///
@@ -38,10 +35,6 @@ pub const ELECTION_RADIUS: f64 = 0.745;
 
 /// Area that one seed owes, in squared spacings: √3/2, the hexagon's.
 pub const AREA_PER_SEED: f64 = 0.866_025_403_784_438_6;
-
-/// Rounds of the election after the first. Three leave less than one point in
-/// ten thousand uncovered, which lies in a corner between voxels.
-const ROUNDS: usize = 4;
 
 /// How seeds are chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
@@ -89,28 +82,35 @@ fn from_points(scan: &Scan, mut identities: Vec<Stored>) -> Seeds {
 
 /// Poisson-disk election with discs of `radius` (CRS units).
 fn poisson(scan: &Scan, radius: f64, seed: u64) -> Vec<Stored> {
-    let mut elected = Elected::new(scan.lattice().scale, radius);
-    for round in 0..=ROUNDS {
-        // Candidates: of each voxel the first point that is not covered.
-        let mut candidates = scan.map_voxels(|points| {
-            let first = if round == 0 {
-                points.first()
-            } else {
-                points.iter().find(|&&point| !elected.covers(point))
-            };
-            first.map(|&point| (priority(point, seed), point))
-        });
+    let points = scan.points();
+    let mut is_covered = vec![false; points.len()];
+    let mut elected = Vec::new();
+    // In each round every voxel puts up the first of its points that no seed
+    // covers yet.
+    let mut open: Vec<Range<usize>> = scan.voxels().collect();
+    loop {
+        let mut candidates: Vec<(u64, usize)> = open
+            .par_iter_mut()
+            .filter_map(|voxel| {
+                voxel.start = voxel.clone().find(|&place| !is_covered[place])?;
+                Some((priority(points[voxel.start], seed), voxel.start))
+            })
+            .collect();
         if candidates.is_empty() {
-            break;
+            return elected;
         }
+        open.retain(|voxel| !is_covered[voxel.start]);
         candidates.par_sort_unstable();
-        for (_, point) in candidates {
-            if !elected.covers(point) {
-                elected.add(point);
+        for (_, place) in candidates {
+            if !is_covered[place] {
+                let point = points[place];
+                elected.push(point);
+                scan.visit_within(scan.lattice().local(point), radius, |covered| {
+                    is_covered[covered] = true;
+                });
             }
         }
     }
-    elected.seeds
 }
 
 /// Number of Poisson-disk seeds at `spacing` (CRS units) whose points lie in
@@ -139,36 +139,37 @@ fn area_weighted(scan: &Scan, options: &Options) -> Seeds {
     // Step 1: the cells of the random seeds. Where the scan is sparse they are
     // large: the domain must not be what bounds them.
     let radius = 4.0 * options.spacing;
-    let neighborhoods = Neighborhoods::new(&first.positions, options.spacing);
+    let neighborhoods = Neighborhoods::new(&first.positions, 2.0 * options.spacing);
     let mut seeds: Vec<(Stored, Local)> = first
         .identities
         .par_iter()
         .zip(&first.positions)
-        .map_init(
-            || (Cell::new(), Vec::new(), Vec::new()),
-            |(cell, samples, neighbors), (&identity, &site)| {
-                let Some(fit) = local_patch(scan, site, options, samples) else {
-                    return vec![(identity, site)];
-                };
-                neighborhoods.gather(site, 2.5 * radius, neighbors);
-                cell.clip(&fit.patch, site, radius, neighbors);
-                let Some(moments) = cell.moments(&fit.patch, site) else {
-                    return Vec::new();
-                };
-                // Step 2: whole seeds, and one more with the odds of the rest.
-                let mut dice = Dice(priority(identity, options.seed ^ 0x5eed));
-                let owed = moments.area / hexagon;
-                let extra = dice.roll() < owed.fract();
-                // Step 3: on the patch from the start.
-                (0..owed as u64 + u64::from(extra))
-                    .filter_map(|_| {
-                        let place = cell.place(&fit.patch, site, [dice.roll(), dice.roll()])?;
-                        let near = scan.has_point_within(place, options.spacing);
-                        Some((scan.lattice().stored(place)?, place)).filter(|_| near)
-                    })
-                    .collect()
-            },
-        )
+        .enumerate()
+        .map_init(Scratch::new, |scratch, (own, (&identity, &site))| {
+            let Some(fit) = local_patch(scan, site, options, &mut scratch.samples) else {
+                return vec![(identity, site)];
+            };
+            let Scratch {
+                cell, neighbors, ..
+            } = scratch;
+            neighborhoods.gather(site, own, 2.5 * radius, neighbors);
+            cell.clip(&fit.patch, site, radius, neighbors);
+            let Some(moments) = cell.moments(&fit.patch, site) else {
+                return Vec::new();
+            };
+            // Step 2: whole seeds, and one more with the odds of the rest.
+            let mut dice = Dice(priority(identity, options.seed ^ 0x5eed));
+            let owed = moments.area / hexagon;
+            let extra = dice.roll() < owed.fract();
+            // Step 3: on the patch from the start.
+            (0..owed as u64 + u64::from(extra))
+                .filter_map(|_| {
+                    let place = cell.place(&fit.patch, site, [dice.roll(), dice.roll()])?;
+                    let near = scan.has_point_within(place, options.spacing);
+                    Some((scan.lattice().stored(place)?, place)).filter(|_| near)
+                })
+                .collect()
+        })
         .flatten_iter()
         .collect();
     seeds.sort_unstable_by_key(|&(identity, _)| identity);
@@ -188,89 +189,6 @@ impl Dice {
         self.0 = spread(self.0);
         (self.0 >> 11) as f64 / (1_u64 << 53) as f64
     }
-}
-
-/// The seeds so far, by cells of the election's radius.
-struct Elected {
-    scale: f64,
-    radius: f64,
-    radius_squared: f64,
-    seeds: Vec<Stored>,
-    places: Vec<Local>,
-    /// The last seed of each cell.
-    last: HashMap<CellIndex, u32, BuildHasherDefault<CellHasher>>,
-    /// For each seed the one before it in its cell.
-    previous: Vec<u32>,
-}
-
-const NONE: u32 = u32::MAX;
-
-impl Elected {
-    fn new(scale: f64, radius: f64) -> Self {
-        Self {
-            scale,
-            radius,
-            radius_squared: radius * radius,
-            seeds: Vec::new(),
-            places: Vec::new(),
-            last: HashMap::default(),
-            previous: Vec::new(),
-        }
-    }
-
-    fn place(&self, point: Stored) -> Local {
-        Local::new(point.x.into(), point.y.into(), point.z.into()) * self.scale
-    }
-
-    fn covers(&self, point: Stored) -> bool {
-        let place = self.place(point);
-        let reach = Local::repeat(self.radius);
-        let low = cell_of(place - reach, self.radius);
-        let high = cell_of(place + reach, self.radius);
-        (low[2]..=high[2]).any(|z| {
-            (low[1]..=high[1]).any(|y| {
-                (low[0]..=high[0]).any(|x| {
-                    let mut seed = self.last.get(&[x, y, z]).copied().unwrap_or(NONE);
-                    while seed != NONE {
-                        let other = self.places[seed as usize];
-                        if (other - place).norm_squared() < self.radius_squared {
-                            return true;
-                        }
-                        seed = self.previous[seed as usize];
-                    }
-                    false
-                })
-            })
-        })
-    }
-
-    fn add(&mut self, point: Stored) {
-        let place = self.place(point);
-        let index = u32::try_from(self.seeds.len()).expect("fewer seeds than points");
-        let before = self.last.insert(cell_of(place, self.radius), index);
-        self.previous.push(before.unwrap_or(NONE));
-        self.seeds.push(point);
-        self.places.push(place);
-    }
-}
-
-/// The default hasher guards against attackers, at three times the cost of the
-/// election; cells of a scan are no attack that [`spread`] would not survive.
-#[derive(Default)]
-struct CellHasher(u64);
-
-impl Hasher for CellHasher {
-    fn finish(&self) -> u64 {
-        self.0
-    }
-    fn write(&mut self, bytes: &[u8]) {
-        for chunk in bytes.chunks(8) {
-            let mut word = [0; 8];
-            word[..chunk.len()].copy_from_slice(chunk);
-            self.0 = spread(self.0 ^ u64::from_le_bytes(word));
-        }
-    }
-    fn write_usize(&mut self, _: usize) {}
 }
 
 #[cfg(test)]
@@ -300,16 +218,18 @@ mod tests {
 
     #[test]
     fn no_two_seeds_are_nearer_than_the_radius_and_every_point_is_covered() {
-        let scan = scan(sheet(60_000), 0.02);
-        let radius = ELECTION_RADIUS * 0.02;
+        let scan = scan(sheet(20_000), 0.03);
+        let radius = ELECTION_RADIUS * 0.03;
         let seeds = poisson(&scan, radius, 7);
-        let mut elected = Elected::new(1e-6, radius);
-        for &seed in &seeds {
-            assert!(!elected.covers(seed));
-            elected.add(seed);
+        let is_near = |a: &Stored, b: &Stored| {
+            let place = |s: &Stored| scan.lattice().local(*s);
+            (place(a) - place(b)).norm() < radius
+        };
+        for (i, a) in seeds.iter().enumerate() {
+            assert!(seeds[..i].iter().all(|b| !is_near(a, b)));
         }
-        let uncovered = scan.points().iter().filter(|&&p| !elected.covers(p));
-        assert!(uncovered.count() <= 6);
+        let is_covered = |point: &Stored| seeds.iter().any(|seed| is_near(seed, point));
+        assert!(scan.points().iter().all(is_covered));
     }
 
     #[test]

@@ -6,9 +6,9 @@ use super::{
     Acceleration, Restriction, Scan, SeedRule,
     acceleration::{Accelerator, Iterate, LINKS, NO_LINK},
     elect,
-    step::{DOMAIN_RADIUS, Fit, Neighborhoods, local_patch, restricted_cell},
+    step::{Around, Fit, Neighborhoods, Scratch, local_patch},
 };
-use crate::geometry::{Cell, Lattice, Local, PatchKind, Rect, Stored};
+use crate::geometry::{Lattice, Local, OccupiedCells, PatchKind, Rect, Stored, cell_of};
 
 /// What is asked of the solver. Lengths are CRS units.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -168,116 +168,93 @@ pub struct Solution {
     pub convergence: Vec<DistanceSums>,
 }
 
-/// State of one site.
-#[derive(Clone, Copy)]
-struct State {
+/// What the last Lloyd step found for one site.
+#[derive(Clone)]
+pub(super) struct Step {
+    /// First site of the block.
+    block: u32,
     fit: Option<Fit>,
     is_exact: bool,
+    /// The centroid, projected and restricted.
+    pub(super) target: Local,
+    /// Sites whose cells touch, then [`NO_LINK`].
+    pub(super) links: [u32; LINKS],
+    nearest: Option<f64>,
 }
 
-/// What one Lloyd step finds for one site.
-struct Step {
-    state: State,
-    target: Local,
-    links: [u32; LINKS],
-    nearest: Option<f64>,
+impl Step {
+    /// That of a site at `place`, before the first step.
+    pub(super) fn new(block: u32, place: Local) -> Self {
+        Self {
+            block,
+            fit: None,
+            is_exact: false,
+            target: place,
+            links: [NO_LINK; LINKS],
+            nearest: None,
+        }
+    }
+
+    /// The point of the site's patch at `place`, if it has one.
+    pub(super) fn project(&self, place: Local) -> Local {
+        self.fit
+            .as_ref()
+            .map_or(place, |fit| fit.patch.foot_point(place))
+    }
+}
+
+/// Edge of a block, in spacings. Sites of a block look for their neighbours
+/// together.
+const BLOCK: f64 = 2.4;
+
+/// The sites of a cloud on their way, in the order of their blocks, and of
+/// their identities within a block.
+struct Sites<'a> {
+    scan: &'a Scan,
+    domain: &'a Domain,
+    options: &'a Options,
+    identities: Vec<Stored>,
+    positions: Vec<Local>,
+    steps: Vec<Step>,
 }
 
 /// Runs the paper's Algorithm 1 on `scan`, for the sites of `domain`.
 pub fn solve(scan: &Scan, domain: &Domain, options: &Options) -> Solution {
-    let lattice = *scan.lattice();
     let all = elect(scan, options);
-    let cone = Cone::new(domain, options, &lattice);
+    let cone = Cone::new(domain, options, scan.lattice());
     // Sites beyond the widest ring can matter to nobody here.
-    let (identities, mut positions): (Vec<Stored>, Vec<Local>) = all
+    let (identities, positions): (Vec<Stored>, Vec<Local>) = all
         .identities
         .into_iter()
         .zip(all.positions)
         .filter(|&(identity, _)| cone.matters(identity, 0))
         .unzip();
-    let mut states: Vec<State> = identities
-        .iter()
-        .map(|&identity| State {
-            fit: None,
-            is_exact: domain.known.depth(identity) >= cone.seed_margin,
-        })
-        .collect();
-    let is_core: Vec<bool> = identities
-        .iter()
-        .map(|&identity| domain.core.contains(identity))
-        .collect();
-    let mut convergence = Vec::new();
-
-    let seeds = describe(scan, domain, options, &identities, &positions, &mut states);
+    let mut sites = Sites::new(scan, domain, options, &identities, &positions);
+    for (step, &identity) in sites.steps.iter_mut().zip(&sites.identities) {
+        step.is_exact = domain.known.depth(identity) >= cone.seed_margin;
+    }
+    let seeds = sites.describe();
     let mut accelerator = Accelerator::new(
         options.acceleration,
-        &identities,
-        lattice.scale,
+        &sites.identities,
+        scan.lattice().scale,
         options.spacing,
     );
+    let mut convergence = Vec::new();
     for iteration in 0..options.iterations {
-        let neighborhoods = Neighborhoods::new(&positions, options.spacing);
-        let steps: Vec<Step> = (0..identities.len())
-            .into_par_iter()
-            .map_init(Scratch::new, |scratch, site| {
-                if cone.matters(identities[site], iteration) {
-                    lloyd_step(
-                        scan,
-                        options,
-                        &neighborhoods,
-                        &positions,
-                        &states,
-                        site,
-                        &cone,
-                        scratch,
-                    )
-                } else {
-                    frozen(states[site], positions[site])
-                }
-            })
-            .collect();
-        convergence.push(sums(&is_core, &steps));
-
-        let targets: Vec<Local> = steps.iter().map(|step| step.target).collect();
-        let links: Vec<[u32; LINKS]> = steps.iter().map(|step| step.links).collect();
-        let iterate = Iterate {
-            sites: &positions,
-            targets: &targets,
-            links: &links,
+        sites.lloyd_step(&cone, iteration);
+        convergence.push(sites.nearest_distances());
+        let next = accelerator.next(&Iterate {
+            sites: &sites.positions,
+            steps: &sites.steps,
             spacing: options.spacing,
-        };
-        let project = |site: usize, place: Local| {
-            steps[site]
-                .state
-                .fit
-                .map_or(targets[site], |fit| fit.patch.foot_point(place))
-        };
-        let next = accelerator.next(&iterate, &project);
-        positions = next
-            .into_par_iter()
-            .enumerate()
-            .map(|(site, place)| {
-                if place == targets[site] {
-                    return place;
-                }
-                let Some(fit) = &steps[site].state.fit else {
-                    return targets[site];
-                };
-                let place = fit.patch.foot_point(place);
-                if is_allowed(scan, fit, place, options) {
-                    place
-                } else {
-                    targets[site]
-                }
-            })
-            .collect();
-        states = steps.into_iter().map(|step| step.state).collect();
+        });
+        sites.go(next);
     }
-
-    let sites = describe(scan, domain, options, &identities, &positions, &mut states);
-    convergence.push(final_sums(domain, &sites, &positions, options));
+    let ended = sites.describe();
+    convergence.push(final_sums(domain, &ended, &sites.positions, options));
     Solution {
-        sites,
+        sites: ended,
         seeds,
         convergence,
     }
@@ -293,12 +270,222 @@ pub fn describe_points(scan: &Scan, domain: &Domain, options: &Options) -> Vec<S
         .iter()
         .map(|&identity| scan.lattice().local(identity))
         .collect();
-    let unknown = State {
-        fit: None,
-        is_exact: false,
-    };
-    let mut states = vec![unknown; identities.len()];
-    describe(scan, domain, options, &identities, &positions, &mut states)
+    Sites::new(scan, domain, options, &identities, &positions).describe()
+}
+
+impl<'a> Sites<'a> {
+    /// Sites that start at `positions`; `identities` must be sorted.
+    fn new(
+        scan: &'a Scan,
+        domain: &'a Domain,
+        options: &'a Options,
+        identities: &[Stored],
+        positions: &[Local],
+    ) -> Self {
+        let edge = BLOCK * options.spacing;
+        let (blocks, order) =
+            OccupiedCells::sort(positions.iter().map(|&p| cell_of(p, edge)), |_| ());
+        let mut steps = Vec::with_capacity(order.len());
+        for block in blocks.ranges() {
+            let first = block.start as u32;
+            steps.extend(block.map(|place| Step::new(first, positions[order[place] as usize])));
+        }
+        Self {
+            scan,
+            domain,
+            options,
+            identities: order.iter().map(|&i| identities[i as usize]).collect(),
+            positions: order.iter().map(|&i| positions[i as usize]).collect(),
+            steps,
+        }
+    }
+
+    /// One Lloyd step of every site that still matters.
+    fn lloyd_step(&mut self, cone: &Cone<'_>, iteration: u32) {
+        let matters = |site: usize| cone.matters(self.identities[site], iteration);
+        let was_exact: Vec<bool> = self.steps.iter().map(|step| step.is_exact).collect();
+        self.steps
+            .par_iter_mut()
+            .zip(&self.positions)
+            .enumerate()
+            .for_each(|(site, (step, &position))| step.rest(position, matters(site)));
+        let (scan, options) = (self.scan, self.options);
+        by_block(
+            &mut self.steps,
+            &self.positions,
+            options.spacing,
+            matters,
+            |step, around| step.advance(scan, options, cone, &was_exact, around),
+        );
+    }
+
+    /// Moves the sites to `next`, projected and restricted; where that is not
+    /// allowed, to the target of their Lloyd step.
+    fn go(&mut self, next: Vec<Local>) {
+        self.positions = next
+            .into_par_iter()
+            .zip(&self.steps)
+            .map(|(place, step)| match &step.fit {
+                Some(fit) if place != step.target => {
+                    let place = fit.patch.foot_point(place);
+                    if is_allowed(self.scan, fit, place, self.options) {
+                        place
+                    } else {
+                        step.target
+                    }
+                }
+                _ => step.target,
+            })
+            .collect();
+    }
+
+    /// Nearest distances of the core's sites, as the last step met them.
+    fn nearest_distances(&self) -> DistanceSums {
+        let mut sums = DistanceSums::default();
+        for (step, &identity) in self.steps.iter().zip(&self.identities) {
+            if let Some(distance) = step.nearest
+                && self.domain.core.contains(identity)
+            {
+                sums.push(distance);
+            }
+        }
+        sums
+    }
+
+    /// The sites of core and band as they are, with the figures of their
+    /// cells, in the order of their identities.
+    fn describe(&mut self) -> Vec<Site> {
+        let Domain { core, band, .. } = *self.domain;
+        let (scan, options, identities) = (self.scan, self.options, &self.identities);
+        let wanted =
+            |site: usize| core.contains(identities[site]) || core.depth(identities[site]) > -band;
+        let mut sites = by_block(
+            &mut self.steps,
+            &self.positions,
+            options.spacing,
+            wanted,
+            |step, mut around| {
+                step.fit_patch(scan, options, &mut around);
+                let moments = step
+                    .fit
+                    .as_ref()
+                    .and_then(|fit| around.restricted_cell(fit));
+                let cell = &around.scratch.cell;
+                Site {
+                    identity: identities[around.site],
+                    position: around.place,
+                    is_exact: step.is_exact,
+                    is_held: !step.fit.is_some_and(|fit| fit.is_trusted(options)),
+                    is_closed: moments.is_some() && cell.is_closed(),
+                    neighbors: u8::try_from(cell.neighbor_count()).unwrap_or(u8::MAX),
+                    area: moments.map_or(0.0, |m| m.area),
+                    energy: moments.map_or(0.0, |m| m.energy),
+                }
+            },
+        );
+        sites.par_sort_unstable_by_key(|site| site.identity);
+        sites
+    }
+}
+
+/// Calls `work` for every site that is `wanted`, in parallel by blocks. Results
+/// come in the order of the sites.
+fn by_block<T: Send>(
+    steps: &mut [Step],
+    positions: &[Local],
+    spacing: f64,
+    wanted: impl Fn(usize) -> bool + Sync,
+    work: impl Fn(&mut Step, Around<'_>) -> T + Sync,
+) -> Vec<T> {
+    let neighborhoods = Neighborhoods::new(positions, 0.8 * spacing);
+    steps
+        .par_chunk_by_mut(|a, b| a.block == b.block)
+        .map_init(Scratch::new, |scratch, block| {
+            let first = block[0].block as usize;
+            let sites = first..first + block.len();
+            if !sites.clone().any(&wanted) {
+                return Vec::new();
+            }
+            scratch.surround(&neighborhoods, &positions[sites.clone()], spacing);
+            sites
+                .zip(block)
+                .filter(|&(site, _)| wanted(site))
+                .map(|(site, step)| {
+                    let around = Around {
+                        site,
+                        place: positions[site],
+                        spacing,
+                        neighborhoods: &neighborhoods,
+                        scratch,
+                    };
+                    work(step, around)
+                })
+                .collect()
+        })
+        .flatten_iter()
+        .collect()
+}
+
+impl Step {
+    /// A step that goes nowhere.
+    fn rest(&mut self, place: Local, matters: bool) {
+        self.target = place;
+        self.links = [NO_LINK; LINKS];
+        self.nearest = None;
+        self.is_exact &= matters;
+    }
+
+    /// III-B: the patch, kept while the site stays near where it was fitted.
+    fn fit_patch(&mut self, scan: &Scan, options: &Options, around: &mut Around<'_>) {
+        let place = around.place;
+        if !self
+            .fit
+            .is_some_and(|fit| fit.serves(place, options.spacing))
+        {
+            self.fit = local_patch(scan, place, options, &mut around.scratch.samples);
+        }
+    }
+
+    /// From where the site is to its centroid.
+    fn advance(
+        &mut self,
+        scan: &Scan,
+        options: &Options,
+        cone: &Cone<'_>,
+        was_exact: &[bool],
+        mut around: Around<'_>,
+    ) {
+        self.fit_patch(scan, options, &mut around);
+        let Some(fit) = &self.fit else {
+            self.nearest = around.nearest();
+            return;
+        };
+        // III-C: the cell.
+        let moments = around.restricted_cell(fit);
+        self.nearest = around.scratch.nearest();
+        let Scratch {
+            cell, neighbors, ..
+        } = &*around.scratch;
+        for (link, neighbor) in self.links.iter_mut().zip(cell.neighbors()) {
+            *link = neighbor;
+        }
+        // Exact if everything within the security radius is.
+        let security = cell.security_squared();
+        self.is_exact &= neighbors
+            .iter()
+            .take_while(|n| n.distance_squared <= security)
+            .all(|n| was_exact[n.index as usize])
+            && is_known(around.place, security.sqrt(), cone, scan.lattice());
+        // IV-B, IV-D, IV-E: the centroid, on the patch, near the scan.
+        if let Some(moments) = moments
+            && fit.is_trusted(options)
+        {
+            let target = fit.patch.foot_point(moments.centroid);
+            if is_allowed(scan, fit, target, options) {
+                self.target = target;
+            }
+        }
+    }
 }
 
 /// Which sites can still reach the core: all at first, fewer with every
@@ -329,108 +516,6 @@ impl<'a> Cone<'a> {
     }
 }
 
-/// What a thread reuses from site to site.
-struct Scratch {
-    cell: Cell,
-    neighbors: Vec<crate::geometry::Neighbor>,
-    samples: Vec<Local>,
-}
-
-impl Scratch {
-    fn new() -> Self {
-        Self {
-            cell: Cell::new(),
-            neighbors: Vec::new(),
-            samples: Vec::new(),
-        }
-    }
-}
-
-/// A site that stays where it is because it no longer matters.
-fn frozen(state: State, position: Local) -> Step {
-    Step {
-        state: State {
-            is_exact: false,
-            ..state
-        },
-        target: position,
-        links: [NO_LINK; LINKS],
-        nearest: None,
-    }
-}
-
-#[expect(
-    clippy::too_many_arguments,
-    reason = "the step's inputs, named; a struct of them would have one user"
-)]
-fn lloyd_step(
-    scan: &Scan,
-    options: &Options,
-    neighborhoods: &Neighborhoods,
-    positions: &[Local],
-    states: &[State],
-    site: usize,
-    cone: &Cone<'_>,
-    scratch: &mut Scratch,
-) -> Step {
-    let position = positions[site];
-    // III-B: the patch, kept while the site stays near where it was fitted.
-    let kept = states[site]
-        .fit
-        .filter(|fit| fit.serves(position, options.spacing));
-    let fit = kept.or_else(|| local_patch(scan, position, options, &mut scratch.samples));
-    let mut step = Step {
-        state: State {
-            fit,
-            is_exact: states[site].is_exact,
-        },
-        target: position,
-        links: [NO_LINK; LINKS],
-        nearest: None,
-    };
-    let Some(fit) = fit else {
-        neighborhoods.gather(
-            position,
-            2.0 * DOMAIN_RADIUS * options.spacing,
-            &mut scratch.neighbors,
-        );
-        step.nearest = nearest(&scratch.neighbors);
-        return step;
-    };
-    // III-C: the cell.
-    let moments = restricted_cell(
-        &fit,
-        position,
-        options,
-        neighborhoods,
-        &mut scratch.neighbors,
-        &mut scratch.cell,
-    );
-    step.nearest = nearest(&scratch.neighbors);
-    for (link, neighbor) in step.links.iter_mut().zip(scratch.cell.neighbors()) {
-        *link = neighbor;
-    }
-    // Exact if everything within the security radius is.
-    let security = scratch.cell.security_squared();
-    step.state.is_exact &= scratch
-        .neighbors
-        .iter()
-        .take_while(|n| n.distance_squared <= security)
-        .all(|n| states[n.index as usize].is_exact)
-        && is_known(position, security.sqrt(), cone, scan.lattice());
-    if !fit.is_trusted(options) {
-        return step;
-    }
-    // IV-B, IV-D, IV-E: the centroid, on the patch, near the scan.
-    if let Some(moments) = moments {
-        let target = fit.patch.foot_point(moments.centroid);
-        if is_allowed(scan, &fit, target, options) {
-            step.target = target;
-        }
-    }
-    step
-}
-
 /// Whether all seeds within `radius` of `place` are known to be right.
 fn is_known(place: Local, radius: f64, cone: &Cone<'_>, lattice: &Lattice) -> bool {
     lattice.stored(place).is_some_and(|stored| {
@@ -446,20 +531,6 @@ fn is_allowed(scan: &Scan, fit: &Fit, place: Local, options: &Options) -> bool {
     // Not a number is nowhere near the scan.
     place.iter().all(|c| c.is_finite())
         && (threshold.is_infinite() || scan.has_point_within(place, threshold))
-}
-
-fn nearest(neighbors: &[crate::geometry::Neighbor]) -> Option<f64> {
-    neighbors.first().map(|n| n.distance_squared.sqrt())
-}
-
-fn sums(is_core: &[bool], steps: &[Step]) -> DistanceSums {
-    let mut sums = DistanceSums::default();
-    for (_, step) in is_core.iter().zip(steps).filter(|(core, _)| **core) {
-        if let Some(distance) = step.nearest {
-            sums.push(distance);
-        }
-    }
-    sums
 }
 
 fn final_sums(
@@ -486,53 +557,4 @@ fn final_sums(
         }
     }
     sums
-}
-
-/// The sites of core and band as they are, with the figures of their cells.
-fn describe(
-    scan: &Scan,
-    domain: &Domain,
-    options: &Options,
-    identities: &[Stored],
-    positions: &[Local],
-    states: &mut [State],
-) -> Vec<Site> {
-    let neighborhoods = Neighborhoods::new(positions, options.spacing);
-    states
-        .par_iter_mut()
-        .enumerate()
-        .map_init(Scratch::new, |scratch, (index, state)| {
-            let identity = identities[index];
-            if domain.core.depth(identity) <= -domain.band && !domain.core.contains(identity) {
-                return None;
-            }
-            let position = positions[index];
-            let fit = state
-                .fit
-                .filter(|fit| fit.serves(position, options.spacing))
-                .or_else(|| local_patch(scan, position, options, &mut scratch.samples));
-            state.fit = fit;
-            let moments = fit.and_then(|fit| {
-                restricted_cell(
-                    &fit,
-                    position,
-                    options,
-                    &neighborhoods,
-                    &mut scratch.neighbors,
-                    &mut scratch.cell,
-                )
-            });
-            Some(Site {
-                identity,
-                position,
-                is_exact: state.is_exact,
-                is_held: !fit.is_some_and(|fit| fit.is_trusted(options)),
-                is_closed: moments.is_some() && scratch.cell.is_closed(),
-                neighbors: u8::try_from(scratch.cell.neighbor_count()).unwrap_or(u8::MAX),
-                area: moments.map_or(0.0, |m| m.area),
-                energy: moments.map_or(0.0, |m| m.energy),
-            })
-        })
-        .flatten_iter()
-        .collect()
 }

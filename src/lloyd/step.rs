@@ -73,61 +73,168 @@ pub(super) struct Neighborhoods {
     grid: NeighborGrid,
 }
 
+/// A first ball of so many spacings holds what cuts a good cell …
+const NEAR: f64 = 1.6;
+/// … and one of so many whatever can cut any.
+const FAR: f64 = 2.5 * DOMAIN_RADIUS;
+
 impl Neighborhoods {
-    /// Sites on a grid of about the `spacing` (CRS units).
-    pub(super) fn new(sites: &[Local], spacing: f64) -> Self {
+    /// Sites by cells of `edge` (CRS units).
+    pub(super) fn new(sites: &[Local], edge: f64) -> Self {
         Self {
-            grid: NeighborGrid::new(sites, 1.1 * spacing),
+            grid: NeighborGrid::new(sites, edge),
         }
     }
 
-    /// Fills `neighbors` with every other site within `radius` of `site`,
-    /// nearest first, equally near ones in the order of their identities.
-    pub(super) fn gather(&self, site: Local, radius: f64, neighbors: &mut Vec<Neighbor>) {
+    /// Fills `neighbors` with every site but `own` within `radius` of `place`,
+    /// nearest first, equally near ones in the order of the sites.
+    pub(super) fn gather(
+        &self,
+        place: Local,
+        own: usize,
+        radius: f64,
+        neighbors: &mut Vec<Neighbor>,
+    ) {
         neighbors.clear();
-        let radius_squared = radius * radius;
-        let mut met_itself = false;
-        self.grid.visit_around(site, radius, |index, position| {
-            let distance_squared = (position - site).norm_squared();
-            if distance_squared == 0.0 && !met_itself {
-                met_itself = true;
-            } else if distance_squared <= radius_squared {
-                neighbors.push(Neighbor {
-                    distance_squared,
-                    index,
-                    position,
-                });
-            }
+        self.grid.visit_around(place, radius, |index, position| {
+            neighbors.extend(neighbor(place, own, radius * radius, index, position));
         });
-        neighbors.sort_unstable_by(|a, b| {
-            a.distance_squared
-                .total_cmp(&b.distance_squared)
-                .then(a.index.cmp(&b.index))
+        sort(neighbors);
+    }
+}
+
+/// Site `index` at `position` as a neighbour of site `own` at `place`.
+fn neighbor(
+    place: Local,
+    own: usize,
+    radius_squared: f64,
+    index: u32,
+    position: Local,
+) -> Option<Neighbor> {
+    let distance_squared = (position - place).norm_squared();
+    (distance_squared <= radius_squared && index as usize != own).then_some(Neighbor {
+        distance_squared,
+        index,
+        position,
+    })
+}
+
+fn sort(neighbors: &mut [Neighbor]) {
+    neighbors.sort_unstable_by(|a, b| {
+        a.distance_squared
+            .total_cmp(&b.distance_squared)
+            .then(a.index.cmp(&b.index))
+    });
+}
+
+/// What a thread reuses from site to site.
+pub(super) struct Scratch {
+    pub(super) cell: Cell,
+    /// The neighbours of a site, nearest first.
+    pub(super) neighbors: Vec<Neighbor>,
+    pub(super) samples: Vec<Local>,
+    /// The sites that can be near one of a block.
+    around: Vec<(u32, Local)>,
+}
+
+impl Scratch {
+    pub(super) fn new() -> Self {
+        Self {
+            cell: Cell::new(),
+            neighbors: Vec::new(),
+            samples: Vec::new(),
+            around: Vec::new(),
+        }
+    }
+
+    /// Distance to the nearest neighbour.
+    pub(super) fn nearest(&self) -> Option<f64> {
+        self.neighbors.first().map(|n| n.distance_squared.sqrt())
+    }
+
+    /// Looks up the sites around a `block` of them.
+    pub(super) fn surround(
+        &mut self,
+        neighborhoods: &Neighborhoods,
+        block: &[Local],
+        spacing: f64,
+    ) {
+        let far = Local::repeat(f64::INFINITY);
+        let (low, high) = block.iter().fold((far, -far), |(low, high), site| {
+            (low.inf(site), high.sup(site))
+        });
+        let reach = Local::repeat(NEAR * spacing);
+        let (low, high) = (low - reach, high + reach);
+        self.around.clear();
+        neighborhoods.grid.visit_box(low, high, |index, place| {
+            if low <= place && place <= high {
+                self.around.push((index, place));
+            }
         });
     }
 }
 
-/// Clips the cell of `site`, having gathered the neighbours that can matter.
-///
-/// Returns the cell's moments, if it has any, and the squared radius of the
-/// ball that had to be known for them.
-pub(super) fn restricted_cell(
-    fit: &Fit,
-    site: Local,
-    options: &Options,
-    neighborhoods: &Neighborhoods,
-    neighbors: &mut Vec<Neighbor>,
-    cell: &mut Cell,
-) -> Option<Moments> {
-    let radius = DOMAIN_RADIUS * options.spacing;
-    // A first ball of 1.6 spacings holds what cuts a good cell; the few that
-    // are not sure with it look farther.
-    for reach in [1.6, 2.0 * DOMAIN_RADIUS * 1.25] {
-        neighborhoods.gather(site, reach * options.spacing, neighbors);
-        cell.clip(&fit.patch, site, radius, neighbors);
-        if cell.security_squared() <= (reach * options.spacing).powi(2) {
-            break;
+/// A site and what is around it.
+pub(super) struct Around<'a> {
+    pub(super) site: usize,
+    pub(super) place: Local,
+    pub(super) spacing: f64,
+    pub(super) neighborhoods: &'a Neighborhoods,
+    /// Its block is surrounded.
+    pub(super) scratch: &'a mut Scratch,
+}
+
+impl Around<'_> {
+    /// Clips the cell of the site on the patch of `fit`, looking as far as it
+    /// takes; its moments, if anything is left of it.
+    pub(super) fn restricted_cell(&mut self, fit: &Fit) -> Option<Moments> {
+        self.look_near();
+        self.clip(fit);
+        if self.scratch.cell.security_squared() > (NEAR * self.spacing).powi(2) {
+            self.look_far();
+            self.clip(fit);
         }
+        self.scratch.cell.moments(&fit.patch, self.place)
     }
-    cell.moments(&fit.patch, site)
+
+    fn clip(&mut self, fit: &Fit) {
+        let radius = DOMAIN_RADIUS * self.spacing;
+        let Scratch {
+            cell, neighbors, ..
+        } = &mut *self.scratch;
+        cell.clip(&fit.patch, self.place, radius, neighbors);
+    }
+
+    fn look_near(&mut self) {
+        let radius_squared = (NEAR * self.spacing).powi(2);
+        let Scratch {
+            neighbors, around, ..
+        } = &mut *self.scratch;
+        neighbors.clear();
+        for &(index, position) in &*around {
+            neighbors.extend(neighbor(
+                self.place,
+                self.site,
+                radius_squared,
+                index,
+                position,
+            ));
+        }
+        sort(neighbors);
+    }
+
+    fn look_far(&mut self) {
+        self.neighborhoods.gather(
+            self.place,
+            self.site,
+            FAR * self.spacing,
+            &mut self.scratch.neighbors,
+        );
+    }
+
+    /// Distance to the nearest other site, if one is near.
+    pub(super) fn nearest(&mut self) -> Option<f64> {
+        self.look_far();
+        self.scratch.nearest()
+    }
 }
