@@ -1,45 +1,145 @@
-"""Reads a cloud that lloydar wrote, and the scans it was made from, with laspy,
-and compares values: counts, bounds, CRS, and every attribute of every point with
-an input point near it."""
+"""Reads a cloud that lloydar wrote, and the scans it was made from, with independent
+readers, and compares values.
+
+    check-reading.py OUT SCAN...
+
+laspy reads the scans and, through both of its decoders (lazrs, and LASzip, the reference),
+the cloud; copclib reads the cloud with a third. Compared are counts, bounds, CRS, and every
+attribute of every point with those of an input point near it.
+"""
 
 import sys
 
+import copclib
 import laspy
 import numpy as np
 
-out = laspy.read(sys.argv[1])
-scans = [laspy.read(path) for path in sys.argv[2:]]
-header = out.header
+NEVER_CARRIED = {
+    # Positions are new, and a resampled point is the only return of its place.
+    "X", "Y", "Z", "return_number", "number_of_returns",
+    # They would point into waveform packets that are not there.
+    "wavepacket_index", "wavepacket_offset", "wavepacket_size", "return_point_wave_location",
+    "x_t", "y_t", "z_t",
+    # Told by another name in the formats from 6 on.
+    "scan_angle_rank", "scan_angle", "raw_classification",
+}
 
-assert header.version == "1.4" and header.point_format.id in (6, 7, 8), header
-assert header.system_identifier == "MODIFICATION", header.system_identifier
-assert header.generating_software.startswith("lloydar "), header.generating_software
-assert len(out.points) == header.point_count > 0
 
-xyz = np.vstack([out.x, out.y, out.z]).T
-assert np.allclose(xyz.min(0), header.mins, atol=1e-9) and np.allclose(xyz.max(0), header.maxs, atol=1e-9)
-low = np.min([s.header.mins for s in scans], axis=0)
-high = np.max([s.header.maxs for s in scans], axis=0)
-assert (xyz.min(0) >= low - 1.0).all() and (xyz.max(0) <= high + 1.0).all()
+def read(path, backend=None):
+    options = {} if backend is None else {"laz_backend": backend}
+    return laspy.read(path, **options)
 
-wkt = [v for v in header.vlrs if v.record_id == 2112]
-scan_wkt = [v for v in scans[0].header.vlrs if v.record_id == 2112]
-assert bool(wkt) == bool(scan_wkt)
-if wkt:
-    assert wkt[0].string == scan_wkt[0].string
-assert (np.asarray(out.return_number) == 1).all() and (np.asarray(out.number_of_returns) == 1).all()
-assert header.number_of_points_by_return[0] == header.point_count
 
-# Every output point carries all attributes of one input point: look for that
-# point by what does not change, and be sure that it is near.
-names = ["gps_time", "intensity", "classification", "point_source_id", "scan_angle"]
-names += [n for n in ("red", "green", "blue") if n in out.point_format.dimension_names]
-key = lambda las: np.rec.fromarrays([np.asarray(las[n]) for n in names])
-inputs = np.concatenate([key(s) for s in scans])
-places = np.concatenate([np.vstack([s.x, s.y, s.z]).T for s in scans])
-order = np.argsort(inputs)
-found = np.searchsorted(inputs[order], key(out))
-assert (found < len(inputs)).all() and (inputs[order][found] == key(out)).all(), "attributes of no input point"
-distance = np.linalg.norm(places[order][found] - xyz, axis=1)
-assert np.quantile(distance, 0.999) < 2.0, distance.max()
-print(f"{sys.argv[1].split('/')[-1]}: {len(out.points)} points read by laspy, all attributes found in the input")
+def places(las):
+    return np.vstack([las.x, las.y, las.z]).T
+
+
+def scan_angle(las):
+    """In units of 0.006°, as the formats from 6 on have it."""
+    if "scan_angle" in las.point_format.dimension_names:
+        return np.asarray(las.scan_angle, dtype=float)
+    return np.round(np.asarray(las.scan_angle_rank, dtype=float) / 0.006)
+
+
+def wkt(las):
+    for record in list(las.header.vlrs) + list(las.header.evlrs or []):
+        if record.user_id.rstrip("\0") == "LASF_Projection" and record.record_id == 2112:
+            text = getattr(record, "string", None) or record.record_data.decode()
+            return text.rstrip("\0")
+    return None
+
+
+def attributes(las, names):
+    columns = []
+    for name in names:
+        if name == "scan_angle":
+            columns.append(scan_angle(las))
+        elif name in las.point_format.dimension_names:
+            columns.append(np.asarray(las[name]))
+        else:
+            columns.append(None)
+    return columns
+
+
+def check(out_path, scan_paths):
+    out = read(out_path)
+    header = out.header
+    scans = [read(path) for path in scan_paths]
+
+    assert str(header.version) == "1.4" and header.point_format.id in (6, 7, 8), header
+    assert header.generating_software.startswith("lloydar "), header.generating_software
+    assert header.system_identifier == "MODIFICATION", header.system_identifier
+    xyz = places(out)
+    assert len(xyz) == header.point_count > 0, header.point_count
+    assert header.number_of_points_by_return[0] == header.point_count
+    assert (np.asarray(out.return_number) == 1).all()
+    assert (np.asarray(out.number_of_returns) == 1).all()
+    tolerance = 1e-9 * np.abs(xyz).max()
+    assert np.allclose(xyz.min(0), header.mins, atol=tolerance), (xyz.min(0), header.mins)
+    assert np.allclose(xyz.max(0), header.maxs, atol=tolerance), (xyz.max(0), header.maxs)
+
+    # The other readers see the same.
+    if out_path.endswith(".laz"):
+        reference = read(out_path, laspy.LazBackend.Laszip)
+        assert (places(reference) == xyz).all()
+        for name in out.point_format.dimension_names:
+            assert (np.asarray(reference[name]) == np.asarray(out[name])).all(), name
+        third = copclib.LazReader(out_path)
+        assert third.laz_config.las_header.point_count == len(xyz)
+        points = third.GetPoints()
+        seen = np.array([[p.x, p.y, p.z] for p in points])
+        assert np.allclose(seen, xyz, atol=tolerance)
+        assert ([p.intensity for p in points] == np.asarray(out.intensity)).all()
+
+    scan_places = np.concatenate([places(scan) for scan in scans])
+    reach = np.linalg.norm(scan_places.max(0) - scan_places.min(0)) * 0.2 + 10.0
+    assert (xyz >= scan_places.min(0) - reach).all() and (xyz <= scan_places.max(0) + reach).all()
+    text = next((text for text in map(wkt, scans) if text), None)
+    if text:
+        assert wkt(out) == text, (wkt(out), text)
+    geotiff = any(v.record_id == 34735 for s in scans for v in s.header.vlrs)
+    crs = "WKT" if text else "from GeoTIFF keys" if geotiff and wkt(out) else "none"
+
+    # All attributes of one input point: numbered by value, to be compared at once.
+    names = [n for n in out.point_format.dimension_names if n not in NEVER_CARRIED]
+    names.append("scan_angle")
+    ours, theirs = attributes(out, names), [attributes(scan, names) for scan in scans]
+    total = len(scan_places)
+    codes_in, codes_out = np.zeros(total, dtype=np.int64), np.zeros(len(xyz), dtype=np.int64)
+    carried = 0
+    for k, name in enumerate(names):
+        missing = any(columns[k] is None for columns in theirs)
+        if missing and len(scans) > 1:
+            continue
+        if missing:
+            # The formats from 6 on have it, the scan has not.
+            assert name in ("gps_time", "scanner_channel", "overlap"), name
+            assert (np.asarray(ours[k]) == 0).all(), name
+            continue
+        column = np.concatenate([columns[k] for columns in theirs] + [ours[k]])
+        column = column.reshape(len(column), -1)
+        # NaN equals NaN here: bits are compared.
+        bits = np.ascontiguousarray(column).view(np.uint8).reshape(len(column), -1)
+        _, codes = np.unique(bits, axis=0, return_inverse=True)
+        codes = codes.reshape(-1)
+        joined = np.concatenate([codes_in, codes_out]) * (codes.max() + 1) + codes
+        _, joined = np.unique(joined, return_inverse=True)
+        joined = joined.reshape(-1)
+        codes_in, codes_out = joined[:total], joined[total:]
+        carried += 1
+    order = np.argsort(codes_in, kind="stable")
+    first = np.searchsorted(codes_in[order], codes_out, side="left")
+    last = np.searchsorted(codes_in[order], codes_out, side="right")
+    assert (first < last).all(), f"{(first >= last).sum()} points have the attributes of no input point"
+    # Where the attributes name the input point, it is near.
+    sole = last - first == 1
+    if sole.any():
+        found = order[first[sole]]
+        away = np.linalg.norm(scan_places[found] - xyz[sole], axis=1)
+        assert np.quantile(away, 0.99) <= reach, away.max()
+    print(
+        f"{len(xyz)} points of format {header.point_format.id}, {carried} attributes, CRS {crs}"
+    )
+
+
+check(sys.argv[1], sys.argv[2:])

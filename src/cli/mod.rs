@@ -269,7 +269,7 @@ fn print_input(input: &lloydar::las::InputFile) {
         thousands(input.bytes)
     );
     println!("  points   {}", thousands(input.points_claimed));
-    let [min, max] = input.bounds_claimed;
+    let [min, max] = input.bounds;
     for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
         println!(
             "  {name}        {} to {}, scale {}, offset {}",

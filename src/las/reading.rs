@@ -44,6 +44,8 @@ pub struct InputFile {
     pub points_claimed: u64,
     /// Bounds it claims, in world coordinates: min, max.
     pub bounds_claimed: [[f64; 3]; 2],
+    /// The same where the claim can be true, else those of the points.
+    pub bounds: [[f64; 3]; 2],
     /// Scale of its coordinates.
     pub scale: [f64; 3],
     /// Offset of its coordinates.
@@ -93,15 +95,17 @@ impl InputFile {
             )));
         }
 
+        let claimed = [
+            [header.min_x, header.min_y, header.min_z],
+            [header.max_x, header.max_y, header.max_z],
+        ];
         let mut input = Self {
             path: path.to_owned(),
             bytes,
             version: [header.version.major, header.version.minor],
             points_claimed: 0,
-            bounds_claimed: [
-                [header.min_x, header.min_y, header.min_z],
-                [header.max_x, header.max_y, header.max_z],
-            ],
+            bounds_claimed: claimed,
+            bounds: claimed,
             scale,
             offset,
             crs: None,
@@ -111,8 +115,8 @@ impl InputFile {
             notes: Vec::new(),
             format,
         };
-        let reader = input.open()?;
-        let las = reader.header();
+        let mut reader = input.open()?;
+        let las = reader.header().clone();
         input.format = *las.point_format();
         input.points_claimed = las.number_of_points();
         let rest = rest_of_evlrs(path, &header).unwrap_or_else(|| {
@@ -136,11 +140,63 @@ impl InputFile {
         }
         if input.points_claimed == 0 {
             input.notes.push("holds no point".into());
+        } else if let Some(first) = input.bounds_of_next(&mut reader, 1)
+            && !input.may_claim(&first)
+        {
+            input.bounds = input.bounds_of_points(first, &mut reader);
+            input
+                .notes
+                .push("the bounds in its header are not those of its points".into());
         }
         if input.format.has_waveform {
             input.notes.push("wave packets are not carried over".into());
         }
         Ok(input)
+    }
+
+    /// Whether the header's bounds can be true of a file with a point at
+    /// `first`.
+    fn may_claim(&self, first: &[[f64; 3]; 2]) -> bool {
+        let [min, max] = self.bounds_claimed;
+        (0..3).all(|axis| {
+            let (scale, offset) = (self.scale[axis], self.offset[axis]);
+            let range =
+                (offset + f64::from(i32::MIN) * scale)..=(offset + f64::from(i32::MAX) * scale);
+            // Written so that NaN fails.
+            range.contains(&min[axis])
+                && range.contains(&max[axis])
+                && min[axis] <= first[0][axis] + 1.5 * scale
+                && max[axis] >= first[1][axis] - 1.5 * scale
+        })
+    }
+
+    /// Bounds of `first` and all points that `reader` still gives.
+    fn bounds_of_points(&self, first: [[f64; 3]; 2], reader: &mut Reader) -> [[f64; 3]; 2] {
+        let mut bounds = first;
+        while let Some([min, max]) = self.bounds_of_next(reader, BATCH) {
+            for axis in 0..3 {
+                bounds[0][axis] = bounds[0][axis].min(min[axis]);
+                bounds[1][axis] = bounds[1][axis].max(max[axis]);
+            }
+        }
+        bounds
+    }
+
+    /// Bounds of the next points, up to `wanted`; `None` at the end and where
+    /// the file is damaged, which is told when it is read.
+    fn bounds_of_next(&self, reader: &mut Reader, wanted: u64) -> Option<[[f64; 3]; 2]> {
+        let read = catch_unwind(AssertUnwindSafe(|| reader.read_points(wanted)));
+        let batch = read.ok()?.ok().filter(|batch| !batch.is_empty())?;
+        let mut bounds = [[i32::MAX; 3], [i32::MIN; 3]];
+        for raw in batch.raw_bytes().chunks_exact(batch.record_len()) {
+            for (axis, stored) in stored(raw).into_iter().enumerate() {
+                bounds[0][axis] = bounds[0][axis].min(stored);
+                bounds[1][axis] = bounds[1][axis].max(stored);
+            }
+        }
+        Some(bounds.map(|corner| {
+            [0, 1, 2].map(|axis| self.offset[axis] + f64::from(corner[axis]) * self.scale[axis])
+        }))
     }
 
     /// The format of its points.
@@ -371,7 +427,7 @@ impl PointStream {
             claimed: input.points_claimed,
             reader,
             counts: PointCounts::default(),
-            bounds: input.bounds_claimed.map(|corner| {
+            bounds: input.bounds.map(|corner| {
                 [0, 1, 2].map(|axis| (corner[axis] - input.offset[axis]) / input.scale[axis])
             }),
         })
@@ -425,12 +481,15 @@ impl PointStream {
     }
 }
 
+/// The coordinates of a record, as stored.
+fn stored(raw: &[u8]) -> [i32; 3] {
+    [0, 4, 8].map(|at| i32::from_le_bytes([raw[at], raw[at + 1], raw[at + 2], raw[at + 3]]))
+}
+
 /// Whether a record lies within `bounds`, give or take the rounding of a
 /// header that was written in decimals.
 fn is_within(raw: &[u8], bounds: &[[f64; 3]; 2]) -> bool {
-    (0..3).all(|axis| {
-        let at = 4 * axis;
-        let stored = i32::from_le_bytes([raw[at], raw[at + 1], raw[at + 2], raw[at + 3]]);
+    stored(raw).into_iter().enumerate().all(|(axis, stored)| {
         (bounds[0][axis] - 1.5..=bounds[1][axis] + 1.5).contains(&f64::from(stored))
     })
 }

@@ -86,6 +86,9 @@ enum Body {
         writer: Box<Writer<Sink>>,
         format: PointFormat,
         transforms: Vector<Transform>,
+        lattice: Lattice,
+        /// Least and greatest coordinates so far.
+        bounds: [[i32; 3]; 2],
     },
     Ply {
         sink: Sink,
@@ -97,6 +100,8 @@ enum Body {
 /// Where the LAS 1.4 header keeps the counts of older readers: the number of
 /// points and of points by return, which formats 6 and up must leave zero.
 const LEGACY_COUNTS: (u64, usize) = (107, 24);
+/// Where it keeps the bounds: most and least x, y, z.
+const BOUNDS: u64 = 179;
 
 impl CloudWriter {
     /// Begins the cloud at `path`, under another name in the same directory.
@@ -134,6 +139,8 @@ impl CloudWriter {
                     writer: Box::new(Writer::new(sink, las).map_err(|e| wrong(&e))?),
                     format,
                     transforms,
+                    lattice: header.lattice,
+                    bounds: [[i32::MAX; 3], [i32::MIN; 3]],
                 }
             }
         };
@@ -160,7 +167,16 @@ impl CloudWriter {
                 writer,
                 format,
                 transforms,
+                bounds,
+                ..
             } => {
+                for record in records.chunks_exact(format.len().into()) {
+                    let point = Stored::of_record(record);
+                    for (axis, c) in [point.x, point.y, point.z].into_iter().enumerate() {
+                        bounds[0][axis] = bounds[0][axis].min(c);
+                        bounds[1][axis] = bounds[1][axis].max(c);
+                    }
+                }
                 let batch = PointDataBuilder::new()
                     .with_format(*format)
                     .with_transforms(*transforms)
@@ -201,19 +217,28 @@ impl CloudWriter {
                 .and_then(|()| sink.flush())
                 .map_err(|e| wrong(&e))?,
         }
-        let is_las = matches!(self.body, Body::Las { .. });
-        if let Body::Las { writer, .. } = &mut self.body {
+        let mut amended_bounds = None;
+        if let Body::Las {
+            writer,
+            lattice,
+            bounds,
+            ..
+        } = &mut self.body
+        {
             // `close` leaves the last bytes in the buffer of the sink, which
             // goes to the file when the writer is dropped.
             let spare = spare_writer().map_err(|e| wrong(&e))?;
             drop(std::mem::replace(writer, spare));
+            amended_bounds = Some(header_bounds(lattice, bounds, self.points));
         }
         self.check()?;
         let file = File::options().write(true).open(&self.part);
         let complete = file.and_then(|mut file| {
-            if is_las {
+            if let Some(bounds) = amended_bounds {
                 file.seek(SeekFrom::Start(LEGACY_COUNTS.0))?;
                 file.write_all(&vec![0; LEGACY_COUNTS.1])?;
+                file.seek(SeekFrom::Start(BOUNDS))?;
+                file.write_all(&bounds)?;
             }
             file.sync_all()?;
             let bytes = file.metadata()?.len();
@@ -244,6 +269,17 @@ impl Drop for CloudWriter {
             drop(std::fs::remove_file(&self.part));
         }
     }
+}
+
+/// The bounds of `points` points as the header has them: those of the
+/// coordinates as every reader computes them, where the writer's own are a unit
+/// wider now and then.
+fn header_bounds(lattice: &Lattice, bounds: &[[i32; 3]; 2], points: u64) -> Vec<u8> {
+    let [min, max] = bounds.map(|[x, y, z]| lattice.world(Stored { x, y, z }));
+    (0..3)
+        .flat_map(|axis| [max[axis], min[axis]])
+        .flat_map(|c| if points == 0 { 0.0_f64 } else { c }.to_le_bytes())
+        .collect()
 }
 
 /// A writer into nothing, to stand in for one that is taken away.

@@ -152,7 +152,7 @@ impl DistanceSums {
     /// δ, or NaN of nothing.
     pub fn delta(&self) -> f64 {
         let ratio = self.count as f64 * self.squares / (self.sum * self.sum);
-        (ratio - 1.0).max(0.0).sqrt()
+        (ratio - 1.0).clamp(0.0, f64::INFINITY).sqrt()
     }
 }
 

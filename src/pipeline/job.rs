@@ -418,7 +418,8 @@ impl Job {
         let extent = spill.bounds().extent() as f64 * survey.lattice.scale;
         let found = match self.settings.target {
             Target::Spacing(spacing) => {
-                if spacing > extent / 2.0 {
+                // Points that are all at one place are one point, at any spacing.
+                if extent > 0.0 && spacing > extent / 2.0 {
                     return Err(JobError::Refused(format!(
                         "--spacing {spacing} is too wide for this scan, which is {extent:.3} across \
                          (in CRS units): give less than half of that"

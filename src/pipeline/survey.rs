@@ -158,7 +158,7 @@ fn differences(inputs: &[InputFile]) -> Vec<String> {
 fn claimed_bounds(inputs: &[InputFile]) -> ([f64; 3], [f64; 3]) {
     let mut bounds = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for input in inputs.iter().filter(|input| input.points_claimed > 0) {
-        let [min, max] = input.bounds_claimed;
+        let [min, max] = input.bounds;
         let is_sound = (0..3)
             .all(|axis| min[axis].is_finite() && max[axis].is_finite() && min[axis] <= max[axis]);
         if is_sound {

@@ -112,7 +112,8 @@ impl UniformityTally {
             count: 0,
             sum: 0.0,
             squares: 0.0,
-            min: f64::INFINITY,
+            // Not infinite: JSON has no word for that.
+            min: f64::MAX,
             cells: 0,
             area: 0.0,
             area_squares: 0.0,
@@ -188,7 +189,7 @@ impl UniformityTally {
         Uniformity {
             count: self.count,
             delta: (n * self.squares / (self.sum * self.sum) - 1.0)
-                .max(0.0)
+                .clamp(0.0, f64::INFINITY)
                 .sqrt(),
             delta_trimmed: self.delta_trimmed(),
             sigma,
@@ -202,7 +203,7 @@ impl UniformityTally {
             cells: self.cells,
             energy_ratio: self.energy / self.area / cell_area / HEXAGON_ENERGY,
             cell_area_cv: (self.area_squares / cells / (cell_area * cell_area) - 1.0)
-                .max(0.0)
+                .clamp(0.0, f64::INFINITY)
                 .sqrt(),
             packing: mean / (2.0 * cell_area / 3.0_f64.sqrt()).sqrt(),
             six_neighbors: self.with_six as f64 / cells,
@@ -233,7 +234,9 @@ impl UniformityTally {
             squares += mean * mean * taken as f64;
             rest -= taken;
         }
-        (kept * squares / (sum * sum) - 1.0).max(0.0).sqrt()
+        (kept * squares / (sum * sum) - 1.0)
+            .clamp(0.0, f64::INFINITY)
+            .sqrt()
     }
 }
 
