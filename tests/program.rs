@@ -390,4 +390,31 @@ fn a_ply_holds_every_point() {
     );
     // Three doubles, three shorts, a short, a byte, a short, a double.
     assert_eq!(bytes.len() - end, count * (24 + 6 + 2 + 1 + 2 + 8));
+
+    // Measured, the two are one cloud; and as near to the scans as was reported.
+    let measure = |cloud: &Path| -> serde_json::Value {
+        let done = lloydar(&["measure", text(cloud), "--json", "--against", text(&scans)]);
+        assert!(done.status.success(), "{done:?}");
+        serde_json::from_slice(&done.stdout).unwrap()
+    };
+    let (of_ply, of_las) = (measure(&dir.path().join("out.ply")), measure(&las));
+    let report = fs::read_to_string(dir.path().join("out.las.report.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    assert_eq!(of_ply["points"], of_las["points"]);
+    for (part, name, tolerance) in [
+        ("uniformity", "delta", 1e-3),
+        ("uniformity", "energy_ratio", 1e-3),
+        ("accuracy", "mean", 1e-3),
+        ("accuracy", "max", 1e-3),
+        ("coverage", "mean", 1e-3),
+    ] {
+        let [ply, las] = [&of_ply, &of_las].map(|of| of[part][name].as_f64().unwrap());
+        assert!((ply - las).abs() <= tolerance * las, "{name}: {ply} {las}");
+    }
+    for name in ["mean", "max"] {
+        let [measured, reported] =
+            [&of_las, &report].map(|of| of["accuracy"][name].as_f64().unwrap());
+        let close = (measured - reported).abs() <= 0.01 * reported;
+        assert!(close, "accuracy {name}: {measured} measured, {reported} reported");
+    }
 }

@@ -50,9 +50,13 @@ enum Command {
     },
     /// Print the figures of uniformity of a cloud
     Measure {
-        /// LAS and LAZ files, directories, patterns
+        /// LAS, LAZ and PLY files, directories, patterns
         #[arg(required = true, value_name = "CLOUD")]
         files: Vec<PathBuf>,
+        /// Scans that the cloud was made from: tells how near it is to them,
+        /// and how well it covers them
+        #[arg(long, num_args = 1.., value_name = "INPUT")]
+        against: Vec<PathBuf>,
         /// Peak memory
         #[arg(long, value_name = "SIZE")]
         memory: Option<Bytes>,
@@ -137,9 +141,10 @@ fn run(command: Command) -> Result<u8, JobError> {
         } => plan_job(&scans, &output, json),
         Command::Measure {
             files,
+            against,
             memory,
             json,
-        } => measure_cloud(&files, memory, json),
+        } => measure_cloud(&files, &against, memory, json),
         Command::Info { files } => print_info(&files),
         Command::Simulate { street, output } => simulating::simulate(&street, &output),
         Command::Demo { output } => simulating::demo(&output),
@@ -209,10 +214,15 @@ fn run_and_report(job: &Job, look: Look) -> Result<u8, JobError> {
     Ok(if rejected > 0 { LEFT_OUT } else { 0 })
 }
 
-fn measure_cloud(files: &[PathBuf], memory: Option<Bytes>, json: bool) -> Result<u8, JobError> {
+fn measure_cloud(
+    files: &[PathBuf],
+    against: &[PathBuf],
+    memory: Option<Bytes>,
+    json: bool,
+) -> Result<u8, JobError> {
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let memory = memory.map(|bytes| bytes.0);
-    let measured = measure(files, &std::env::temp_dir(), memory, threads)?;
+    let measured = measure(files, against, &std::env::temp_dir(), memory, threads)?;
     if json {
         println!(
             "{}",
@@ -221,7 +231,7 @@ fn measure_cloud(files: &[PathBuf], memory: Option<Bytes>, json: bool) -> Result
         return Ok(0);
     }
     let u = &measured.uniformity;
-    let rows = [
+    let mut rows = vec![
         ("points", thousands(measured.points)),
         ("delta", figure(u.delta)),
         ("  largest 1 % left out", figure(u.delta_trimmed)),
@@ -238,6 +248,17 @@ fn measure_cloud(files: &[PathBuf], memory: Option<Bytes>, json: bool) -> Result
         ("sigma / mean", figure(u.sigma_over_mean)),
         ("epsilon", figure(u.epsilon)),
     ];
+    if let (Some(accuracy), Some(coverage)) = (&measured.accuracy, &measured.coverage) {
+        rows.extend([
+            ("to the scans, mean", figure(accuracy.mean)),
+            ("              99 %", figure(accuracy.p99)),
+            ("              max", figure(accuracy.max)),
+            ("from the scans, mean", figure(coverage.mean)),
+            ("                99 %", figure(coverage.p99)),
+            ("                max", figure(coverage.max)),
+            ("  share beyond 1.5 h", figure(coverage.share_beyond)),
+        ]);
+    }
     for (name, value) in rows {
         println!("{name:<24} {value}");
     }

@@ -67,6 +67,28 @@ impl Lattice {
         [self.offset[0] + x, self.offset[1] + y, self.offset[2] + z]
     }
 
+    /// A lattice for what lies between `min` and `max`, at `scale` or, where
+    /// that is too fine for the extent, ten times coarser until it is not. The
+    /// offset is near the middle, on the grid of the scale.
+    pub fn around(min: [f64; 3], max: [f64; 3], mut scale: f64) -> Self {
+        let extent = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
+        while extent / scale > Self::WIDEST {
+            scale *= 10.0;
+        }
+        let step = scale * 10_000.0;
+        let offset = [0, 1, 2].map(|axis| {
+            let middle = 0.5 * (min[axis] + max[axis]);
+            (middle / step).round() * step
+        });
+        // So that a decimal scale is written as the decimal it is.
+        let scale = format!("{scale:.12e}").parse().unwrap_or(scale);
+        Self { scale, offset }
+    }
+
+    /// The widest extent, in stored units, that is given a lattice: nearly the
+    /// range of an `i32`, on both sides of the middle.
+    pub const WIDEST: f64 = 0.45 * 4_294_967_296.0;
+
     /// Local coordinates of `point`.
     pub fn local(&self, point: Stored) -> Local {
         Local::new(

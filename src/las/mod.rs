@@ -7,12 +7,14 @@
 
 mod crs;
 mod inputs;
+mod ply;
 mod reading;
 mod record;
 mod writing;
 
 pub use crs::Crs;
 pub use inputs::expand_inputs;
+pub use ply::{PlyFile, PlyStream};
 pub use reading::{InputFile, PointCounts, PointStream};
 pub(crate) use record::move_to;
 pub use record::{ExtraByte, RecordFormat};

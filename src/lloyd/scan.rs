@@ -184,6 +184,46 @@ impl Scan {
         )
     }
 
+    /// Distances from points of the scan to the nearest other one within
+    /// `radius` (CRS units), for an unbiased choice of about `share` of the
+    /// points that `wanted` holds for.
+    pub fn sampled_distances<'a>(
+        &'a self,
+        share: f64,
+        radius: f64,
+        wanted: impl Fn(Stored) -> bool + 'a,
+    ) -> impl Iterator<Item = f64> + 'a {
+        // Not the hash of the elections: their winners are no fair choice.
+        let threshold = (share.clamp(0.0, 1.0) * u64::MAX as f64) as u64;
+        let chosen = move |point: Stored| priority(point, !0) <= threshold && wanted(point);
+        (0..self.points.len())
+            .filter(move |&own| chosen(self.points[own]))
+            .filter_map(move |own| {
+                let place = self.local(own);
+                let mut reach = self.voxel.min(radius);
+                loop {
+                    let mut least = reach * reach;
+                    let mut is_found = false;
+                    let _ = self.voxels_around(place, reach, |range| {
+                        for other in range.filter(|&other| other != own) {
+                            let squared = (self.local(other) - place).norm_squared();
+                            if squared <= least {
+                                (least, is_found) = (squared, true);
+                            }
+                        }
+                        ControlFlow::<()>::Continue(())
+                    });
+                    if is_found {
+                        return Some(least.sqrt());
+                    }
+                    if reach >= radius {
+                        return None;
+                    }
+                    reach = (2.0 * reach).min(radius);
+                }
+            })
+    }
+
     fn nearest_where(&self, place: Local, radius: f64) -> Option<(Stored, f64)> {
         let mut best: Option<(Stored, f64)> = None;
         let mut limit = radius * radius;
@@ -260,6 +300,33 @@ mod tests {
             assert_eq!(point, truth.1);
             assert_eq!(scan.has_point_within(place, 0.05), truth.0 <= 0.05);
         }
+    }
+
+    #[test]
+    fn sampled_distances_match_brute_force() {
+        let mut points = cloud(800);
+        points.push(points[0]);
+        let scan = scan(points.clone());
+        let mut sampled: Vec<f64> = scan.sampled_distances(1.0, 100.0, |_| true).collect();
+        let mut truth: Vec<f64> = (0..points.len())
+            .map(|i| {
+                let place = |k: usize| scan.lattice().local(points[k]);
+                let others = (0..points.len()).filter(|&k| k != i);
+                others
+                    .map(|k| (place(k) - place(i)).norm())
+                    .fold(f64::INFINITY, f64::min)
+            })
+            .collect();
+        sampled.sort_by(f64::total_cmp);
+        truth.sort_by(f64::total_cmp);
+        assert_eq!(sampled.len(), truth.len());
+        assert!(
+            sampled
+                .iter()
+                .zip(&truth)
+                .all(|(a, b)| (a - b).abs() < 1e-12)
+        );
+        assert!(scan.sampled_distances(0.1, 100.0, |_| true).count() < 160);
     }
 
     #[test]

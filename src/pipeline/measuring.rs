@@ -1,15 +1,25 @@
 //! The figures of any cloud, by parts that fit in memory.
+//!
+//! The cloud, and the scans it is compared with, go into one spill of bare
+//! coordinates with a mark of whose they are; part by part both are there.
 
-use std::{path::PathBuf, sync::atomic::AtomicBool};
+use std::{
+    path::{Path, PathBuf},
+    sync::atomic::AtomicBool,
+};
 
 use serde::Serialize;
 
-use super::{JobError, Survey, memory::Budget, solving::uniformity};
+use super::{
+    JobError,
+    memory::Budget,
+    solving::{FARTHEST, uniformity},
+};
 use crate::{
-    geometry::{NeighborGrid, Stored},
-    las::PointStream,
+    geometry::{Lattice, NeighborGrid, Stored},
+    las::{InputFile, LasError, PlyFile, PlyStream, PointStream, RecordFormat, expand_inputs},
     lloyd::{Domain, Options, Scan, describe_points},
-    quality::{Uniformity, UniformityTally},
+    quality::{DistanceFigures, DistanceTally, Uniformity, UniformityTally},
     tile::{
         CellGrid, Opener, Plan, PlanOptions, ScatterOptions, Source, SourceError, Spill, scatter,
     },
@@ -22,6 +32,14 @@ pub struct Measured {
     pub points: u64,
     /// The figures of uniformity.
     pub uniformity: Uniformity,
+    /// The hexagonal spacing of as many points on the cloud's surface, about:
+    /// the unit of what follows.
+    pub spacing: f64,
+    /// From the cloud to the nearest point of the scans it is compared with,
+    /// looked for within eight spacings.
+    pub accuracy: Option<DistanceFigures>,
+    /// From the scans to the nearest point of the cloud, likewise.
+    pub coverage: Option<DistanceFigures>,
 }
 
 /// Points of a part.
@@ -32,58 +50,215 @@ const FIT_RADIUS: f64 = 2.3;
 /// Nearest distance of an even cloud, in hexagonal spacings: what spacings are
 /// guessed by.
 const PACKING: f64 = 0.85;
+/// What a part must see around it for the cells at its rim, in spacings.
+const HALO: f64 = 6.0;
 
-struct Stream(PointStream);
+/// Whose a point is.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Mark {
+    Cloud,
+    Scan,
+}
 
-impl Source for Stream {
-    fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<usize, SourceError> {
-        Ok(self.0.next_batch(records)?)
+/// Bytes of a point's coordinates …
+const COORDINATES: usize = 12;
+/// … and of a marked point.
+const MARKED: usize = COORDINATES + 1;
+
+impl Mark {
+    fn of_record(record: &[u8]) -> Self {
+        if record[COORDINATES] == 0 {
+            Self::Cloud
+        } else {
+            Self::Scan
+        }
+    }
+
+    fn byte(self) -> u8 {
+        u8::from(self == Self::Scan)
     }
 }
 
-/// Measures the cloud in `files`, with temporary files in a directory of its
-/// own below `temporary`.
+/// A file of points, of a kind that can be measured.
+enum File {
+    Las(Box<InputFile>),
+    Ply(PlyFile, [[f64; 3]; 2]),
+}
+
+impl File {
+    fn survey(path: &Path) -> Result<Self, LasError> {
+        if !path
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("ply"))
+        {
+            return Ok(Self::Las(Box::new(InputFile::survey(path)?)));
+        }
+        let file = PlyFile::survey(path)?;
+        let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        let mut stream = file.open()?;
+        let mut is_sound = true;
+        while let Some(place) = stream.next_place()? {
+            is_sound &= place.iter().all(|c| c.is_finite());
+            for (axis, &c) in place.iter().enumerate() {
+                bounds[0][axis] = bounds[0][axis].min(c);
+                bounds[1][axis] = bounds[1][axis].max(c);
+            }
+        }
+        if !is_sound || bounds[0][0] > bounds[1][0] {
+            return Err(LasError {
+                path: path.display().to_string(),
+                problem: "has no vertices, or one that is not finite".into(),
+            });
+        }
+        Ok(Self::Ply(file, bounds))
+    }
+
+    fn bounds(&self) -> [[f64; 3]; 2] {
+        match self {
+            Self::Las(input) => input.bounds,
+            Self::Ply(_, bounds) => *bounds,
+        }
+    }
+
+    /// The scale of its coordinates, if they are stored as integers.
+    fn scale(&self) -> Option<f64> {
+        match self {
+            Self::Las(input) => input.scale.into_iter().reduce(f64::min),
+            Self::Ply(..) => None,
+        }
+    }
+
+    fn open(&self, mark: Mark, lattice: Lattice) -> Result<Box<dyn Source + '_>, SourceError> {
+        Ok(match self {
+            Self::Las(input) => {
+                let record = RecordFormat::for_inputs(std::slice::from_ref(&**input))?;
+                Box::new(LasPoints {
+                    stream: PointStream::open(input, &record, lattice)?,
+                    length: record.record_length(),
+                    mark,
+                })
+            }
+            Self::Ply(file, _) => Box::new(PlyPoints {
+                stream: file.open()?,
+                lattice,
+                mark,
+            }),
+        })
+    }
+}
+
+struct LasPoints {
+    stream: PointStream,
+    length: usize,
+    mark: Mark,
+}
+
+impl Source for LasPoints {
+    fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<usize, SourceError> {
+        let read = self.stream.next_batch(records)?;
+        let mut kept = 0;
+        for place in (0..records.len()).step_by(self.length) {
+            records.copy_within(place..place + COORDINATES, kept);
+            records[kept + COORDINATES] = self.mark.byte();
+            kept += MARKED;
+        }
+        records.truncate(kept);
+        Ok(read)
+    }
+}
+
+struct PlyPoints {
+    stream: PlyStream,
+    lattice: Lattice,
+    mark: Mark,
+}
+
+impl Source for PlyPoints {
+    fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<usize, SourceError> {
+        const BATCH: usize = 50_000;
+        records.clear();
+        let mut read = 0;
+        while read < BATCH
+            && let Some(place) = self.stream.next_place()?
+        {
+            read += 1;
+            // Within the bounds that the lattice was made for.
+            if let Some(Stored { x, y, z }) = self.lattice.quantise(place) {
+                records.extend([x, y, z].into_iter().flat_map(i32::to_le_bytes));
+                records.push(self.mark.byte());
+            }
+        }
+        Ok(read)
+    }
+}
+
+/// Measures the cloud in `files`, and how it compares with the scans in
+/// `against` if there are any, with temporary files in a directory of its own
+/// below `temporary`.
 ///
 /// # Errors
 ///
-/// If the cloud cannot be read, or temporary files cannot be written.
+/// If a file cannot be read, or temporary files cannot be written.
 pub fn measure(
     files: &[PathBuf],
-    temporary: &std::path::Path,
+    against: &[PathBuf],
+    temporary: &Path,
     memory: Option<u64>,
     threads: usize,
 ) -> Result<Measured, JobError> {
-    let survey = Survey::of(files, None)?;
+    let mut marked = Vec::new();
+    for (mark, paths) in [(Mark::Cloud, files), (Mark::Scan, against)] {
+        if !paths.is_empty() {
+            for path in expand_inputs(paths)? {
+                marked.push((mark, File::survey(&path)?));
+            }
+        }
+    }
     let dir = temporary.join(format!("lloydar-measure-{}", std::process::id()));
     std::fs::create_dir_all(&dir).map_err(|e| JobError::io("make", &dir, e))?;
-    let measured = measure_in(&survey, &dir, &Budget::new(memory, threads));
+    let measured = measure_in(&marked, &dir, &Budget::new(memory, threads));
     // Whatever happened, the files are of no more use.
     drop(std::fs::remove_dir_all(&dir));
     measured
 }
 
-fn measure_in(
-    survey: &Survey,
-    dir: &std::path::Path,
-    budget: &Budget,
-) -> Result<Measured, JobError> {
-    let lattice = survey.lattice;
-    let sources: Vec<Opener<'_>> = survey
-        .inputs
+/// The lattice of all `files`: the finest of theirs; of polygon files alone one
+/// that no `f32` can tell from their own.
+fn lattice(files: &[(Mark, File)]) -> Lattice {
+    let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    for (_, file) in files {
+        let [min, max] = file.bounds();
+        for axis in 0..3 {
+            bounds[0][axis] = bounds[0][axis].min(min[axis]);
+            bounds[1][axis] = bounds[1][axis].max(max[axis]);
+        }
+    }
+    let [min, max] = bounds;
+    let extent = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
+    let finest = files
         .iter()
-        .map(|input| {
-            Box::new(move || {
-                let stream = PointStream::open(input, &survey.record, lattice)?;
-                Ok(Box::new(Stream(stream)) as Box<dyn Source>)
-            }) as Opener<'_>
-        })
+        .filter_map(|(_, file)| file.scale())
+        .reduce(f64::min);
+    let scale = finest.unwrap_or((extent / 1e9).max(f64::MIN_POSITIVE));
+    Lattice::around(min, max, scale)
+}
+
+fn measure_in(files: &[(Mark, File)], dir: &Path, budget: &Budget) -> Result<Measured, JobError> {
+    let lattice = lattice(files);
+    let sources: Vec<Opener<'_>> = files
+        .iter()
+        .map(|(mark, file)| Box::new(move || file.open(*mark, lattice)) as Opener<'_>)
         .collect();
     let options = ScatterOptions {
-        record_length: survey.record.record_length(),
+        record_length: MARKED,
         threads: budget.decoders(),
         buffer_bytes: budget.buffers(),
     };
-    let grid = CellGrid::for_extent(survey.extent_claimed(), 64);
+    let extent = files.iter().fold(0.0, |extent: f64, (_, file)| {
+        let [min, max] = file.bounds();
+        extent.max(max[0] - min[0]).max(max[1] - min[1])
+    });
+    let grid = CellGrid::for_extent((extent / lattice.scale) as i64, 64);
     scatter(
         sources,
         grid,
@@ -103,15 +278,80 @@ fn measure_in(
             },
         )
     };
+    let spacing = spacing(&spill, &parts(0.0)?, lattice)?;
+    let has_scans = files.iter().any(|(mark, _)| *mark == Mark::Scan);
+    let reach = if has_scans { FARTHEST } else { HALO };
+    let plan = parts(reach * spacing)?;
 
-    // How far apart points are decides what is looked at around them; the first
-    // part is asked.
-    let first = parts(0.0)?;
+    let options = Options {
+        fit_radius: FIT_RADIUS * spacing,
+        ..Options::new(spacing)
+    };
+    let mut points = 0;
+    let mut tally = UniformityTally::new(spacing);
+    let mut accuracy = DistanceTally::new(spacing);
+    let mut coverage = DistanceTally::new(spacing);
+    for tile in &plan.tiles {
+        let known = tile.core.grown(plan.halo);
+        let (cloud, scan) = gather(&spill, &known)?;
+        points += cloud.iter().filter(|&&p| tile.core.contains(p)).count() as u64;
+        for (from, to, tally) in [
+            (&cloud, &scan, &mut accuracy),
+            (&scan, &cloud, &mut coverage),
+        ] {
+            if has_scans {
+                let to: Vec<_> = to.iter().map(|&p| lattice.local(p)).collect();
+                let grid = NeighborGrid::new(&to, spacing);
+                for &point in from.iter().filter(|&&p| tile.core.contains(p)) {
+                    let near = grid.nearest(lattice.local(point), reach * spacing, |_| false);
+                    tally.push(near.map_or(reach * spacing, |(_, squared)| squared.sqrt()));
+                }
+            }
+        }
+        let scan = Scan::new(cloud, lattice, spacing, options.fit_radius, 0);
+        let domain = Domain {
+            known,
+            core: tile.core,
+            band: plan.halo,
+        };
+        let sites = describe_points(&scan, &domain, &options);
+        tally.add(&uniformity(&sites, &tile.core, spacing));
+    }
+    Ok(Measured {
+        points,
+        uniformity: tally.figures(),
+        spacing,
+        accuracy: has_scans.then(|| accuracy.figures()),
+        coverage: has_scans.then(|| coverage.figures()),
+    })
+}
+
+/// The points of cloud and scans in `rect`.
+fn gather(
+    spill: &Spill,
+    rect: &crate::geometry::Rect,
+) -> Result<(Vec<Stored>, Vec<Stored>), JobError> {
+    let (mut cloud, mut scan) = (Vec::new(), Vec::new());
+    spill.gather(rect, |record| {
+        let point = Stored::of_record(record);
+        match Mark::of_record(record) {
+            Mark::Cloud => cloud.push(point),
+            Mark::Scan => scan.push(point),
+        }
+    })?;
+    Ok((cloud, scan))
+}
+
+/// How far apart the cloud's points are, in hexagonal spacings, about: the first
+/// of `parts` that holds enough of them is asked.
+fn spacing(spill: &Spill, parts: &Plan, lattice: Lattice) -> Result<f64, JobError> {
     let mut places = Vec::new();
-    if let Some(tile) = first.tiles.first() {
-        spill.gather(&tile.core, |record| {
-            places.push(lattice.local(Stored::of_record(record)));
-        })?;
+    for tile in &parts.tiles {
+        let (cloud, _) = gather(spill, &tile.core)?;
+        places.extend(cloud.into_iter().map(|point| lattice.local(point)));
+        if places.len() >= 1000 {
+            break;
+        }
     }
     let extent = spill.bounds().extent() as f64 * lattice.scale;
     let guess = (extent / (places.len().max(1) as f64).sqrt()).max(lattice.scale);
@@ -133,29 +373,5 @@ fn measure_in(
             "the cloud has no two different points: there is nothing to measure".into(),
         ));
     }
-    let spacing = sum / f64::from(count) / PACKING;
-
-    let options = Options {
-        fit_radius: FIT_RADIUS * spacing,
-        ..Options::new(spacing)
-    };
-    let plan = parts(6.0 * spacing)?;
-    let mut tally = UniformityTally::new(spacing);
-    for tile in &plan.tiles {
-        let known = tile.core.grown(plan.halo);
-        let mut points: Vec<Stored> = Vec::new();
-        spill.gather(&known, |record| points.push(Stored::of_record(record)))?;
-        let scan = Scan::new(points, lattice, spacing, options.fit_radius, 0);
-        let domain = Domain {
-            known,
-            core: tile.core,
-            band: plan.halo,
-        };
-        let sites = describe_points(&scan, &domain, &options);
-        tally.add(&uniformity(&sites, &tile.core, spacing));
-    }
-    Ok(Measured {
-        points: spill.points(),
-        uniformity: tally.figures(),
-    })
+    Ok(sum / f64::from(count) / PACKING)
 }

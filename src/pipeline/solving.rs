@@ -21,7 +21,7 @@ pub(super) const BAND: f64 = 4.0;
 
 /// How far an input point is looked for around an output point, and the other
 /// way round, in spacings.
-const FARTHEST: f64 = 8.0;
+pub(super) const FARTHEST: f64 = 8.0;
 
 /// The figures of one tile. Lengths are CRS units.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -36,6 +36,9 @@ pub struct TileFigures {
     pub held: u64,
     /// Of those, sites that the tile saw all of what matters to.
     pub exact: u64,
+    /// Nearest distances of the input's own points: of as many of them, about,
+    /// as there are sites.
+    pub input: UniformityTally,
     /// Uniformity of the seeds.
     pub seeds: UniformityTally,
     /// Uniformity of the sites.
@@ -108,6 +111,7 @@ pub(super) fn solve_tile(
         sites: own.len() as u64,
         held: own.iter().filter(|s| s.is_held).count() as u64,
         exact: own.iter().filter(|s| s.is_exact).count() as u64,
+        input: input_distances(&scan, &core, options),
         seeds: uniformity(&solution.seeds, &core, options.spacing),
         uniformity: uniformity(&solution.sites, &core, options.spacing),
         accuracy: DistanceTally::new(options.spacing),
@@ -132,6 +136,14 @@ pub(super) fn solve_tile(
         record_length: spill.record_length(),
     };
     Ok((solved, figures))
+}
+
+fn input_distances(scan: &Scan, core: &Rect, options: &Options) -> UniformityTally {
+    let mut tally = UniformityTally::new(options.spacing);
+    let farthest = BAND * options.spacing;
+    scan.sampled_distances(options.seeds_per_point, farthest, |p| core.contains(p))
+        .for_each(|distance| tally.push_distance(distance));
+    tally
 }
 
 /// Nearest distances and closed cells of the sites of the core.

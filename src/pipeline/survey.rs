@@ -30,8 +30,6 @@ pub struct Survey {
 
 /// Stored units to a spacing at the least: quantisation is not to be felt.
 const UNITS_PER_SPACING: f64 = 50.0;
-/// Extents wider than this share of the range of `i32` are refused a scale.
-const RANGE: f64 = 0.45 * 4_294_967_296.0;
 
 impl Survey {
     /// Reads the headers of the files that `arguments` name.
@@ -176,8 +174,7 @@ fn claimed_bounds(inputs: &[InputFile]) -> ([f64; 3], [f64; 3]) {
     bounds
 }
 
-/// The finest scale of the inputs, finer still if the spacing asks for it; the
-/// offset near the middle, on the grid of the scale.
+/// The finest scale of the inputs, finer still if the spacing asks for it.
 fn lattice(inputs: &[InputFile], target: Option<Target>) -> Lattice {
     let mut scale = inputs
         .iter()
@@ -193,20 +190,9 @@ fn lattice(inputs: &[InputFile], target: Option<Target>) -> Lattice {
         Some(Target::Ratio(_)) | None => None,
     };
     if let Some(spacing) = spacing.filter(|s| *s > 0.0) {
-        while scale > spacing / UNITS_PER_SPACING && extent / scale < RANGE / 10.0 {
+        while scale > spacing / UNITS_PER_SPACING && extent / scale < Lattice::WIDEST / 10.0 {
             scale /= 10.0;
         }
     }
-    while extent / scale > RANGE {
-        scale *= 10.0;
-    }
-    // Round numbers, multiples of the scale.
-    let step = scale * 10_000.0;
-    let offset = [0, 1, 2].map(|axis| {
-        let middle = 0.5 * (min[axis] + max[axis]);
-        (middle / step).round() * step
-    });
-    // So that a decimal scale is written as the decimal it is.
-    let scale = format!("{scale:.12e}").parse().unwrap_or(scale);
-    Lattice { scale, offset }
+    Lattice::around(min, max, scale)
 }

@@ -18,16 +18,17 @@ fn frame(title: &str, body: &str, x_label: &str) -> String {
     )
 }
 
-/// Two histograms over the same bins, the second in front.
-pub(super) fn histograms(title: &str, behind: &[u64], front: &[u64], spanned: f64) -> String {
-    let most = behind
+/// Histograms over the same bins, each with the class of its bars, the last in
+/// front.
+pub(super) fn histograms(title: &str, all: &[(&str, &[u64])], spanned: f64) -> String {
+    let counts = all.iter().flat_map(|(_, counts)| counts.iter().copied());
+    let most = counts.max().unwrap_or(0).max(1) as f64;
+    let bins = all
         .iter()
-        .chain(front)
-        .copied()
+        .map(|(_, counts)| counts.len())
         .max()
-        .unwrap_or(0)
-        .max(1) as f64;
-    let step = (WIDTH - LEFT) / behind.len().max(1) as f64;
+        .unwrap_or(0);
+    let step = (WIDTH - LEFT) / bins.max(1) as f64;
     let bars = |counts: &[u64], class: &str| -> String {
         (0..)
             .zip(counts)
@@ -54,8 +55,11 @@ pub(super) fn histograms(title: &str, behind: &[u64], front: &[u64], spanned: f6
             )
         })
         .collect();
-    let body = bars(behind, "seeds") + &bars(front, "output") + &ticks;
-    frame(title, &body, "")
+    let body: String = all
+        .iter()
+        .map(|(class, counts)| bars(counts, class))
+        .collect();
+    frame(title, &(body + &ticks), "")
 }
 
 /// A line through `values`, one to an iteration.

@@ -54,6 +54,9 @@ pub struct Report {
     pub convergence: Vec<f64>,
     /// Nearest distances of seeds and output, in equal bins of 0 to 2 spacings.
     pub histogram_seeds: Vec<u64>,
+    /// The same of points of the input, as many as there are in the output,
+    /// about.
+    pub histogram_input: Vec<u64>,
     /// The same of the output.
     pub histogram: Vec<u64>,
     /// The tiles.
@@ -116,12 +119,14 @@ impl Report {
     /// The report of a job that wrote `output` by `settings`.
     pub fn new(outcome: &Outcome, output: &str, settings: Vec<(String, String)>) -> Self {
         let spacing = outcome.plan.spacing;
-        let (mut seeds, mut after) = (UniformityTally::new(spacing), UniformityTally::new(spacing));
+        let tally = || UniformityTally::new(spacing);
+        let (mut input, mut seeds, mut after) = (tally(), tally(), tally());
         let (mut accuracy, mut coverage) =
             (DistanceTally::new(spacing), DistanceTally::new(spacing));
         let mut convergence: Vec<DistanceSums> = Vec::new();
         let (mut sites, mut held, mut exact) = (0, 0, 0);
         for tile in &outcome.tiles {
+            input.add(&tile.input);
             seeds.add(&tile.seeds);
             after.add(&tile.uniformity);
             accuracy.add(&tile.accuracy);
@@ -168,6 +173,7 @@ impl Report {
                 elsewhere: stitched.elsewhere.figures(),
             },
             convergence: convergence.iter().map(DistanceSums::delta).collect(),
+            histogram_input: input.histogram(BINS, SPANNED),
             histogram_seeds: seeds.histogram(BINS, SPANNED),
             histogram: stitched.all.histogram(BINS, SPANNED),
             tiles: outcome

@@ -5,9 +5,9 @@ use crate::quality::Uniformity;
 
 const STYLE: &str = "
 :root{color-scheme:light dark;--ink:#1b2430;--paper:#fbfbf9;--soft:#66707c;--rule:#d9dcd6;
---good:#1a7f4b;--look:#b4540a;--seeds:#c9b27c;--output:#2b6cb0}
+--good:#1a7f4b;--look:#b4540a;--input:#b9c0c8;--seeds:#c9b27c;--output:#2b6cb0}
 @media(prefers-color-scheme:dark){:root{--ink:#e8eaed;--paper:#14181d;--soft:#9aa4af;--rule:#2f3740;
---good:#5fd39a;--look:#f0a35e;--seeds:#7d6b3c;--output:#63a4e6}}
+--good:#5fd39a;--look:#f0a35e;--input:#4a535d;--seeds:#7d6b3c;--output:#63a4e6}}
 body{font:16px/1.5 system-ui,sans-serif;color:var(--ink);background:var(--paper);max-width:62rem;
 margin:0 auto;padding:1rem}
 h1{font-size:1.6rem}h2{font-size:1.15rem;margin-top:2.2rem;border-top:1px solid var(--rule);padding-top:1rem}
@@ -19,7 +19,10 @@ th,td{text-align:right;padding:.25rem .6rem;border-bottom:1px solid var(--rule)}
 th:first-child,td:first-child{text-align:left;overflow-wrap:anywhere}
 svg{width:100%;height:auto}svg text{fill:var(--soft);font-size:12px}
 .axis{stroke:var(--rule)}.line{fill:none;stroke:var(--output);stroke-width:2}
-.seeds{fill:var(--seeds)}.output{fill:var(--output);opacity:.75}.soft{color:var(--soft)}
+.input{fill:var(--input)}.seeds{fill:var(--seeds)}.output{fill:var(--output);opacity:.75}
+.soft{color:var(--soft)}.legend span{display:inline-block;width:.8em;height:.8em;margin-left:1em}
+.legend .input{background:var(--input)}.legend .seeds{background:var(--seeds)}
+.legend .output{background:var(--output)}
 .map rect{stroke:var(--paper);stroke-width:.3%}
 @media print{body{max-width:none}}";
 
@@ -63,13 +66,18 @@ pub(super) fn page(report: &Report) -> String {
     let sections = [
         ("Figures", figures(report)),
         (
-            "Nearest distances, in spacings: seeds (behind) and output",
+            "Nearest distances, in spacings",
             chart::histograms(
-                "histogram of nearest distances, seeds and output",
-                &report.histogram_seeds,
-                &report.histogram,
+                "histograms of nearest distances: input, seeds and output",
+                &[
+                    ("input", &report.histogram_input),
+                    ("seeds", &report.histogram_seeds),
+                    ("output", &report.histogram),
+                ],
                 SPANNED,
-            ),
+            ) + "<p class=\"legend\"><span class=\"input\"></span> input \
+                 <span class=\"seeds\"></span> seeds \
+                 <span class=\"output\"></span> output</p>",
         ),
         (
             "δ by iteration",

@@ -39,8 +39,10 @@ pub fn verdicts(report: &Report) -> [Verdict; 4] {
     let read: u64 = report.inputs.iter().map(|input| input.read).sum();
     let rejected: u64 = report.inputs.iter().map(|input| input.rejected).sum();
     let outside: u64 = report.inputs.iter().map(|input| input.outside).sum();
-    // No seams, or too few points on them to speak of.
-    let no_seams = seams.on_seams.count < 100;
+    // Tiles that agree to the bit on all they share put out what one tile would
+    // have: then δ differs on seams by what is scanned there. Nor does it say
+    // anything of a few points.
+    let hides_no_seam = seams.identical == seams.shared || seams.on_seams.count < 100;
     [
         verdict(
             "uniform?",
@@ -67,7 +69,7 @@ pub fn verdicts(report: &Report) -> [Verdict; 4] {
         verdict(
             "seamless?",
             seams.duplicates == 0
-                && (no_seams || seams.on_seams.delta <= SEAM * seams.elsewhere.delta),
+                && (hides_no_seam || seams.on_seams.delta <= SEAM * seams.elsewhere.delta),
             format!(
                 "δ {} on seams, {} elsewhere; {} of {} shared agree to the bit",
                 figure(seams.on_seams.delta),
