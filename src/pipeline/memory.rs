@@ -51,16 +51,16 @@ const BASE: u64 = 48 << 20;
 const PER_DECODER: u64 = 16 << 20;
 /// Memory for each point of a tile that is being read (the sort of the scan is
 /// the peak), and of one that is being solved.
-const PER_POINT_READ: f64 = 56.0;
-const PER_POINT_SOLVED: f64 = 12.0;
+const PER_POINT_READ: f64 = 46.0;
+const PER_POINT_SOLVED: f64 = 13.0;
 /// Memory for each voxel of a tile's scan: sample, table, order. A tile is
 /// solved while the next one is read: both have voxels.
-const PER_VOXEL: f64 = 2.0 * 112.0;
-/// Voxels to a seed, about: nine of a plane that lies in the lattice, half as
+const PER_VOXEL: f64 = 2.0 * 72.0;
+/// Voxels to a seed, about: eight of a plane that lies in the lattice, half as
 /// many again of one that crosses it.
-const VOXELS_PER_SEED: f64 = 14.0;
+const VOXELS_PER_SEED: f64 = 12.0;
 /// Memory for each seed of a tile: states, steps, cells, histories.
-const PER_SEED: f64 = 1600.0;
+const PER_SEED: f64 = 1000.0;
 /// The allocator does not give everything back at once.
 const USABLE: f64 = 0.9;
 /// No tile larger than this, whatever the budget: a tile is what a stopped job

@@ -13,6 +13,9 @@ use crate::geometry::Rect;
 
 /// Cuts tried along each axis.
 const CUTS: i64 = 15;
+/// A part with less than this share of the points is a sliver: nearly all that
+/// it reads and solves is its neighbours'.
+const SLIVER: u64 = 4;
 
 /// What tiles must fit. Lengths are stored units.
 #[derive(Clone, Copy, Debug)]
@@ -205,9 +208,11 @@ fn split(
     split(counts, far, options, cores)
 }
 
-/// Of cuts along both axes the one whose parts see the fewest points, evenly.
+/// Of cuts along both axes the one whose parts see the fewest points, evenly,
+/// and neither of which is a sliver if that can be.
 fn best_cut(counts: &Counts, core: Rect, halo: i64) -> Option<[Rect; 2]> {
-    let mut best: Option<(u64, [Rect; 2])> = None;
+    let mut best: Option<((bool, u64), [Rect; 2])> = None;
+    let sliver = counts.touching(&core) / SLIVER;
     for axis in 0..2 {
         let squares = (core.max[axis] - core.min[axis]) / counts.square;
         let cuts = CUTS.min(squares - 1);
@@ -223,7 +228,8 @@ fn best_cut(counts: &Counts, core: Rect, halo: i64) -> Option<[Rect; 2]> {
                 0 => 0,
                 _ => counts.touching(&part.grown(halo)),
             });
-            let cost = near + far + near.abs_diff(far) / 2;
+            let is_sliver = parts.iter().any(|part| counts.touching(part) < sliver);
+            let cost = (is_sliver, near + far + near.abs_diff(far) / 2);
             if best.is_none_or(|(least, _)| cost < least) {
                 best = Some((cost, parts));
             }
