@@ -415,6 +415,9 @@ fn a_ply_holds_every_point() {
         let [measured, reported] =
             [&of_las, &report].map(|of| of["accuracy"][name].as_f64().unwrap());
         let close = (measured - reported).abs() <= 0.01 * reported;
-        assert!(close, "accuracy {name}: {measured} measured, {reported} reported");
+        assert!(
+            close,
+            "accuracy {name}: {measured} measured, {reported} reported"
+        );
     }
 }

@@ -56,8 +56,8 @@ impl NeighborGrid {
 
     /// The same for the cells that the box from `low` to `high` touches.
     pub fn visit_box(&self, low: Local, high: Local, mut visit: impl FnMut(u32, Local)) {
-        let visit_all = |range: std::ops::Range<usize>| {
-            for place in range {
+        let visit_all = |cell: usize| {
+            for place in self.cells.points_of(cell) {
                 visit(self.order[place], self.points[place]);
             }
             ControlFlow::<()>::Continue(())
@@ -75,8 +75,8 @@ impl NeighborGrid {
             cell_of(center - reach, self.edge),
             cell_of(center + reach, self.edge),
         );
-        let search = self.cells.visit_box(low, high, |range| {
-            let mut points = self.points[range].iter();
+        let search = self.cells.visit_box(low, high, |cell| {
+            let mut points = self.points[self.cells.points_of(cell)].iter();
             if points.any(|p| (p - center).norm_squared() <= radius_squared) {
                 ControlFlow::Break(())
             } else {

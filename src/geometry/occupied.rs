@@ -158,13 +158,13 @@ impl OccupiedCells {
         (brick.occupied & bit != 0).then(|| brick.place(bit))
     }
 
-    /// Calls `visit` with the points of every occupied cell from `low` to
-    /// `high`, both included, in the order of the cells, until it breaks.
+    /// Calls `visit` with the place of every occupied cell from `low` to `high`,
+    /// both included, in their order, until it breaks.
     pub fn visit_box<B>(
         &self,
         low: CellIndex,
         high: CellIndex,
-        mut visit: impl FnMut(Range<usize>) -> ControlFlow<B>,
+        mut visit: impl FnMut(usize) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
         // What of the box a brick has on one axis: from and up to which cell.
         let part = |axis: usize, brick: i32| {
@@ -192,7 +192,7 @@ impl OccupiedCells {
                     while left != 0 {
                         let bit = left & left.wrapping_neg();
                         left ^= bit;
-                        visit(self.points_of(brick.place(bit)))?;
+                        visit(brick.place(bit))?;
                     }
                 }
             }
@@ -200,7 +200,8 @@ impl OccupiedCells {
         ControlFlow::Continue(())
     }
 
-    fn points_of(&self, place: usize) -> Range<usize> {
+    /// The range of points in the occupied cell at `place`.
+    pub fn points_of(&self, place: usize) -> Range<usize> {
         self.starts[place] as usize..self.starts[place + 1] as usize
     }
 
@@ -303,8 +304,9 @@ mod tests {
             let (low, size) = (corner(1), corner(2));
             let high = [0, 1, 2].map(|axis| low[axis] + size[axis].abs());
             let mut found = Vec::new();
-            let _ = occupied.visit_box(low, high, |range| {
-                found.extend(order[range].iter().map(|&i| i as usize));
+            let _ = occupied.visit_box(low, high, |cell| {
+                let points = occupied.points_of(cell);
+                found.extend(order[points].iter().map(|&i| i as usize));
                 ControlFlow::<()>::Continue(())
             });
             found.sort_unstable();

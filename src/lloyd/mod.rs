@@ -19,6 +19,7 @@
 
 mod acceleration;
 mod anderson;
+mod nodes;
 mod relaxation;
 mod restriction;
 mod scan;

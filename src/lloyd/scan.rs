@@ -174,13 +174,13 @@ impl Scan {
         &self,
         center: Local,
         radius: f64,
-        visit: impl FnMut(Range<usize>) -> ControlFlow<B>,
+        mut visit: impl FnMut(Range<usize>) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
         let reach = Local::repeat(radius);
         self.voxels.visit_box(
             cell_of(center - reach, self.voxel),
             cell_of(center + reach, self.voxel),
-            visit,
+            |voxel| visit(self.voxels.points_of(voxel)),
         )
     }
 

@@ -5,9 +5,11 @@
 //! elect the same seeds there, with the same identities; the stitcher joins
 //! tiles by them.
 //!
-//! * [`SeedRule::Poisson`]: a point is a seed unless one of higher priority
-//!   within the radius is (dart throwing, with the darts' order a hash). Rounds
-//!   over the points that no seed covers yet end with all of them covered.
+//! * [`SeedRule::Hexagonal`]: a point is a seed unless one of higher priority
+//!   within the radius is. Points near the nodes of hexagonal lattices go first
+//!   (see `nodes.rs`). Rounds over the points that no seed covers yet end with
+//!   all of them covered.
+//! * [`SeedRule::Poisson`]: the same in the order of a hash: dart throwing.
 //! * [`SeedRule::Area`]: the paper's section IV-A: random seeds, then as many
 //!   in each one's cell as its area owes.
 //! * [`SeedRule::Random`]: the paper's baseline.
@@ -18,6 +20,7 @@ use rayon::prelude::*;
 
 use super::{
     Options, Scan,
+    nodes::Nodes,
     scan::priority,
     step::{Neighborhoods, Scratch, local_patch},
 };
@@ -33,15 +36,20 @@ use crate::geometry::{Local, Rect, Stored, spread};
 /// on a sheet, see the test `the_election_meets_the_density`).
 pub const ELECTION_RADIUS: f64 = 0.745;
 
-/// Area that one seed owes, in squared spacings: √3/2, the hexagon's.
-pub const AREA_PER_SEED: f64 = 0.866_025_403_784_438_6;
+/// Distance between the rows of a hexagonal lattice, in spacings: √3/2.
+pub(super) const ROW: f64 = 0.866_025_403_784_438_6;
+
+/// Area that one seed owes, in squared spacings: the hexagon's.
+pub const AREA_PER_SEED: f64 = ROW;
 
 /// How seeds are chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SeedRule {
-    /// Poisson-disk election.
+    /// Election of points near the nodes of hexagonal lattices, then of others.
     #[default]
+    Hexagonal,
+    /// Poisson-disk election.
     Poisson,
     /// Area-weighted, after random ones (paper, section IV-A).
     Area,
@@ -60,12 +68,27 @@ pub struct Seeds {
 
 /// Chooses seeds for `scan` by the rule of `options`.
 pub fn elect(scan: &Scan, options: &Options) -> Seeds {
-    let radius = ELECTION_RADIUS * options.spacing;
     match options.seeds {
-        SeedRule::Poisson => from_points(scan, poisson(scan, radius, options.seed)),
+        SeedRule::Hexagonal | SeedRule::Poisson => from_points(scan, elected(scan, options)),
         SeedRule::Random => from_points(scan, random(scan, options)),
         SeedRule::Area => area_weighted(scan, options),
     }
+}
+
+/// The seeds of an election, in no order.
+fn elected(scan: &Scan, options: &Options) -> Vec<Stored> {
+    let by_hash = |point| priority(point, options.seed);
+    if options.seeds == SeedRule::Poisson {
+        return election(scan, options.spacing, by_hash);
+    }
+    let nodes = Nodes::new(scan, options);
+    election(scan, options.spacing, |point| {
+        // Of a bit more than nine: a thousandth of a spacing, and what is on no
+        // surface last. Equally near ones go by their hash.
+        let squared = nodes.distance_squared(scan.lattice().local(point));
+        let rank = squared.map_or(u64::from(u32::MAX), |squared| (squared * 1e6) as u64);
+        rank << 32 | by_hash(point) >> 32
+    })
 }
 
 fn from_points(scan: &Scan, mut identities: Vec<Stored>) -> Seeds {
@@ -80,43 +103,41 @@ fn from_points(scan: &Scan, mut identities: Vec<Stored>) -> Seeds {
     }
 }
 
-/// Poisson-disk election with discs of `radius` (CRS units).
-fn poisson(scan: &Scan, radius: f64, seed: u64) -> Vec<Stored> {
+/// Election at `spacing` (CRS units): the point of lowest `rank` is a seed and
+/// covers what is within the radius, then the lowest of the rest, and so on.
+fn election(scan: &Scan, spacing: f64, rank: impl Fn(Stored) -> u64 + Sync) -> Vec<Stored> {
+    let radius = ELECTION_RADIUS * spacing;
     let points = scan.points();
     let mut is_covered = vec![false; points.len()];
-    let mut elected = Vec::new();
-    // In each round every voxel puts up the first of its points that no seed
-    // covers yet.
+    let mut seeds = Vec::new();
+    // In each round every voxel puts up one of its points that no seed covers.
     let mut open: Vec<Range<usize>> = scan.voxels().collect();
     loop {
-        let mut candidates: Vec<(u64, usize)> = open
-            .par_iter_mut()
-            .filter_map(|voxel| {
-                voxel.start = voxel.clone().find(|&place| !is_covered[place])?;
-                Some((priority(points[voxel.start], seed), voxel.start))
-            })
-            .collect();
+        let best = |voxel: &Range<usize>| {
+            let uncovered = voxel.clone().filter(|&place| !is_covered[place]);
+            uncovered.map(|place| (rank(points[place]), place)).min()
+        };
+        let mut candidates: Vec<(u64, usize)> = open.par_iter().filter_map(best).collect();
         if candidates.is_empty() {
-            return elected;
+            return seeds;
         }
-        open.retain(|voxel| !is_covered[voxel.start]);
         candidates.par_sort_unstable();
         for (_, place) in candidates {
             if !is_covered[place] {
                 let point = points[place];
-                elected.push(point);
+                seeds.push(point);
                 scan.visit_within(scan.lattice().local(point), radius, |covered| {
                     is_covered[covered] = true;
                 });
             }
         }
+        open.retain(|voxel| !is_covered[voxel.clone()].iter().all(|&c| c));
     }
 }
 
-/// Number of Poisson-disk seeds at `spacing` (CRS units) whose points lie in
-/// `part`.
-pub fn elected_in(scan: &Scan, spacing: f64, seed: u64, part: &Rect) -> usize {
-    poisson(scan, ELECTION_RADIUS * spacing, seed)
+/// Number of elected seeds whose points lie in `part`.
+pub fn elected_in(scan: &Scan, options: &Options, part: &Rect) -> usize {
+    elected(scan, options)
         .into_iter()
         .filter(|&point| part.contains(point))
         .count()
@@ -220,7 +241,7 @@ mod tests {
     fn no_two_seeds_are_nearer_than_the_radius_and_every_point_is_covered() {
         let scan = scan(sheet(20_000), 0.03);
         let radius = ELECTION_RADIUS * 0.03;
-        let seeds = poisson(&scan, radius, 7);
+        let seeds = election(&scan, 0.03, |p| priority(p, 7));
         let is_near = |a: &Stored, b: &Stored| {
             let place = |s: &Stored| scan.lattice().local(*s);
             (place(a) - place(b)).norm() < radius
@@ -235,25 +256,34 @@ mod tests {
     #[test]
     fn the_election_meets_the_density() {
         let spacing = 0.01;
-        let seeds = poisson(&scan(sheet(400_000), spacing), ELECTION_RADIUS * spacing, 7);
         let wanted = 1.0 / (AREA_PER_SEED * spacing * spacing);
-        let ratio = seeds.len() as f64 / wanted;
-        assert!((0.98..1.02).contains(&ratio), "{ratio}");
+        let scan = scan(sheet(400_000), spacing);
+        for seeds in [SeedRule::Poisson, SeedRule::Hexagonal] {
+            let options = Options {
+                seeds,
+                ..Options::new(spacing)
+            };
+            let ratio = elected(&scan, &options).len() as f64 / wanted;
+            assert!((0.98..1.03).contains(&ratio), "{seeds:?}: {ratio}");
+        }
     }
 
     #[test]
     fn an_election_does_not_depend_on_points_far_away() {
-        let near = |seeds: Vec<Stored>| {
-            let mut near: Vec<Stored> = seeds.into_iter().filter(|s| s.x < 300_000).collect();
+        let near = |points: Vec<Stored>, seeds: SeedRule| {
+            let options = Options {
+                seeds,
+                ..Options::new(0.02)
+            };
+            let elected = elected(&scan(points, 0.02), &options);
+            let mut near: Vec<Stored> = elected.into_iter().filter(|s| s.x < 300_000).collect();
             near.sort_unstable();
             near
         };
         let all = sheet(50_000);
         let part: Vec<Stored> = all.iter().copied().filter(|p| p.x < 600_000).collect();
-        let radius = ELECTION_RADIUS * 0.02;
-        assert_eq!(
-            near(poisson(&scan(all, 0.02), radius, 7)),
-            near(poisson(&scan(part, 0.02), radius, 7))
-        );
+        for seeds in [SeedRule::Poisson, SeedRule::Hexagonal] {
+            assert_eq!(near(all.clone(), seeds), near(part.clone(), seeds));
+        }
     }
 }

@@ -69,9 +69,10 @@ impl Options {
     }
 }
 
-/// The election's chains are shorter than this, in spacings: seeds this deep
-/// inside what is known are taken to be elected everywhere alike.
-const SEED_MARGIN: f64 = 6.0;
+/// The election's chains, and what the normals of its lattices look at, are
+/// shorter than this, in spacings: seeds this deep inside what is known are
+/// taken to be elected everywhere alike.
+const SEED_MARGIN: f64 = 8.0;
 
 /// What part of the plane is known, and what part is asked for.
 #[derive(Clone, Copy, Debug)]

@@ -10,7 +10,7 @@ use super::JobError;
 use crate::{
     config::Settings,
     geometry::{Lattice, Stored},
-    lloyd::{AREA_PER_SEED, ELECTION_RADIUS, Scan, elected_in},
+    lloyd::{AREA_PER_SEED, Scan, elected_in},
     tile::{Plan, PlanOptions, Spill, TileError},
 };
 
@@ -98,17 +98,17 @@ pub(super) fn seeds(
     settings: &Settings,
     spacing: f64,
 ) -> Result<f64, JobError> {
-    let parts = parts(spill, lattice.units(4.0 * ELECTION_RADIUS * spacing))?;
+    let parts = parts(spill, lattice.units(6.0 * spacing))?;
     let every = spill.points().div_ceil(SAMPLE_POINTS).max(1) as usize;
-    let fit_radius = settings.solver(spacing, 0.0).fit_radius;
+    let options = settings.solver(spacing, 0.0);
     let (mut elected, mut sampled) = (0, 0);
     for tile in parts.tiles.iter().step_by(every) {
         let mut points: Vec<Stored> = Vec::new();
         spill.gather(&tile.core.grown(parts.halo), |record| {
             points.push(Stored::of_record(record));
         })?;
-        let scan = Scan::new(points, *lattice, spacing, fit_radius, settings.seed);
-        elected += elected_in(&scan, spacing, settings.seed, &tile.core);
+        let scan = Scan::new(points, *lattice, spacing, options.fit_radius, options.seed);
+        elected += elected_in(&scan, &options, &tile.core);
         sampled += tile.points_core;
     }
     Ok(elected as f64 * spill.points() as f64 / sampled.max(1) as f64)
