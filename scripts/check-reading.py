@@ -61,6 +61,17 @@ def attributes(las, names):
     return columns
 
 
+def mix(codes, column):
+    """A number for each point that stands for `codes` and for the bits of `column`."""
+    column = column.astype(np.float64) if column.dtype.kind == "f" else column
+    for part in column.reshape(len(column), -1).T:
+        part = np.ascontiguousarray(part)
+        bits = part.view(np.uint64) if part.dtype.kind == "f" else part.astype(np.uint64)
+        codes = (codes ^ bits) * np.uint64(0x9E3779B97F4A7C15)
+        codes ^= codes >> np.uint64(29)
+    return codes
+
+
 def check(out_path, scan_paths):
     out = read(out_path)
     header = out.header
@@ -100,12 +111,12 @@ def check(out_path, scan_paths):
     geotiff = any(v.record_id == 34735 for s in scans for v in s.header.vlrs)
     crs = "WKT" if text else "from GeoTIFF keys" if geotiff and wkt(out) else "none"
 
-    # All attributes of one input point: numbered by value, to be compared at once.
+    # All attributes of one input point: mixed into one number, to be compared at once.
     names = [n for n in out.point_format.dimension_names if n not in NEVER_CARRIED]
     names.append("scan_angle")
     ours, theirs = attributes(out, names), [attributes(scan, names) for scan in scans]
-    total = len(scan_places)
-    codes_in, codes_out = np.zeros(total, dtype=np.int64), np.zeros(len(xyz), dtype=np.int64)
+    codes_in = np.zeros(len(scan_places), dtype=np.uint64)
+    codes_out = np.zeros(len(xyz), dtype=np.uint64)
     carried = 0
     for k, name in enumerate(names):
         missing = any(columns[k] is None for columns in theirs)
@@ -116,16 +127,8 @@ def check(out_path, scan_paths):
             assert name in ("gps_time", "scanner_channel", "overlap"), name
             assert (np.asarray(ours[k]) == 0).all(), name
             continue
-        column = np.concatenate([columns[k] for columns in theirs] + [ours[k]])
-        column = column.reshape(len(column), -1)
-        # NaN equals NaN here: bits are compared.
-        bits = np.ascontiguousarray(column).view(np.uint8).reshape(len(column), -1)
-        _, codes = np.unique(bits, axis=0, return_inverse=True)
-        codes = codes.reshape(-1)
-        joined = np.concatenate([codes_in, codes_out]) * (codes.max() + 1) + codes
-        _, joined = np.unique(joined, return_inverse=True)
-        joined = joined.reshape(-1)
-        codes_in, codes_out = joined[:total], joined[total:]
+        codes_in = mix(codes_in, np.concatenate([columns[k] for columns in theirs]))
+        codes_out = mix(codes_out, ours[k])
         carried += 1
     order = np.argsort(codes_in, kind="stable")
     first = np.searchsorted(codes_in[order], codes_out, side="left")

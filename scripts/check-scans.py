@@ -21,7 +21,7 @@ failures = 0
 
 
 def run(scans, spacing):
-    out = work / "scan.laz"
+    out = work / f"{scans[0].stem}.{len(scans)}.{spacing:.4g}.laz"
     started = time.monotonic()
     command = [program, "run", *map(str, scans), "-o", str(out), "--overwrite", "--quiet"]
     done = subprocess.run(
@@ -70,6 +70,7 @@ for scans in jobs:
             [sys.executable, CHECK, out, *scans], capture_output=True, text=True
         )
         text = check.stdout.strip() or check.stderr.strip().splitlines()[-1]
+        out.unlink()
         say(scans, spacing, check.returncode == 0, f"{text}; {seconds:.1f} s")
 for path in files:
     if path.parent.name == "malformed":

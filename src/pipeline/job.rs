@@ -14,7 +14,7 @@ use crossbeam::channel;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    JobError, Progress, Survey, TileFigures, Unit,
+    Glimpse, JobError, Progress, Survey, TileFigures, Unit,
     memory::{Budget, peak_resident},
     solving::{figures_path, load, solve_tile},
     spacing, writing,
@@ -115,6 +115,8 @@ pub struct Outcome {
     pub points: u64,
     /// Bytes written.
     pub bytes: u64,
+    /// One place before and after.
+    pub glimpse: Glimpse,
     /// What each stage took.
     pub stages: Vec<StageCost>,
     /// What is worth a line.
@@ -640,6 +642,15 @@ impl Job {
         if cancel.load(Ordering::Relaxed) {
             return Err(JobError::Tile(TileError::Cancelled));
         }
+        let largest = tiles.iter().max_by_key(|tile| tile.sites);
+        let glimpse = Glimpse::of_job(
+            plan,
+            largest.map_or(0, |figures| figures.tile.id),
+            &running.spill,
+            &self.dir,
+            lattice,
+            spacing,
+        )?;
         progress.begin("write", plan.tiles.len() as u64, 0, Unit::Tiles);
         let header = CloudHeader {
             record: running.survey.record.clone(),
@@ -682,6 +693,7 @@ impl Job {
                 .collect(),
             tiles,
             stitched,
+            glimpse,
             points,
             bytes,
             stages: clock.stages,

@@ -8,6 +8,7 @@
 //! that a later run of the same job finds: what is done is not done again.
 
 mod error;
+mod glimpse;
 mod job;
 mod measuring;
 mod memory;
@@ -18,6 +19,7 @@ mod survey;
 mod writing;
 
 pub use error::JobError;
+pub use glimpse::Glimpse;
 pub use job::{InputCount, Job, JobPlan, Outcome, StageCost, default_directory};
 pub use measuring::{Measured, measure};
 pub use memory::{memory_limit, peak_resident};

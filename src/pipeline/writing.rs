@@ -87,7 +87,7 @@ fn write_settled(dir: &Path, tile: u32, records: &[u8]) -> Result<(), JobError> 
     std::fs::write(&path, records).map_err(|e| JobError::io("write", &path, e))
 }
 
-fn read_settled(dir: &Path, tile: u32) -> Result<Vec<u8>, JobError> {
+pub(super) fn read_settled(dir: &Path, tile: u32) -> Result<Vec<u8>, JobError> {
     let path = settled_path(dir, tile);
     std::fs::read(&path).map_err(|e| JobError::io("read", &path, e))
 }

@@ -1,6 +1,7 @@
 //! Charts as SVG, in the colours of the page.
 
 use super::figure;
+use crate::pipeline::Glimpse;
 
 const WIDTH: f64 = 640.0;
 const HEIGHT: f64 = 220.0;
@@ -92,4 +93,36 @@ pub(super) fn line(title: &str, values: &[f64]) -> String {
         l = LEFT - 6.0,
     );
     frame(title, &body, "iteration")
+}
+
+/// A place from above, before and after, side by side.
+pub(super) fn before_and_after(glimpse: &Glimpse) -> String {
+    let panel = 0.5 * (WIDTH - 16.0);
+    let scale = panel / glimpse.side;
+    let highest = |points: &[[f64; 3]]| points.iter().map(|p| p[2]).fold(0.0, f64::max);
+    let height = highest(&glimpse.before)
+        .max(highest(&glimpse.after))
+        .max(1.0);
+    let dots = |points: &[[f64; 3]], west: f64, radius: f64| -> String {
+        points
+            .iter()
+            .map(|[x, y, z]| {
+                // From blue over green to yellow, dark to light.
+                let share = z / height;
+                format!(
+                    "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{radius}\" fill=\"hsl({:.0} 60% {:.0}%)\"/>",
+                    west + x * scale,
+                    panel - y * scale,
+                    240.0 - 190.0 * share,
+                    35.0 + 25.0 * share,
+                )
+            })
+            .collect()
+    };
+    format!(
+        "<svg viewBox=\"0 0 {WIDTH} {panel}\" role=\"img\" \
+         aria-label=\"the same place before and after\">{}{}</svg>",
+        dots(&glimpse.before, 0.0, 1.0),
+        dots(&glimpse.after, panel + 16.0, 0.14 * scale),
+    )
 }

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::{
     lloyd::DistanceSums,
-    pipeline::{InputCount, Outcome, StageCost},
+    pipeline::{Glimpse, InputCount, Outcome, StageCost},
     quality::{DistanceFigures, DistanceTally, Uniformity, UniformityTally},
 };
 
@@ -59,6 +59,9 @@ pub struct Report {
     pub histogram_input: Vec<u64>,
     /// The same of the output.
     pub histogram: Vec<u64>,
+    /// One place before and after.
+    #[serde(skip)]
+    pub glimpse: Glimpse,
     /// The tiles.
     pub tiles: Vec<TileRow>,
     /// What each stage took in this run.
@@ -176,6 +179,7 @@ impl Report {
             histogram_input: input.histogram(BINS, SPANNED),
             histogram_seeds: seeds.histogram(BINS, SPANNED),
             histogram: stitched.all.histogram(BINS, SPANNED),
+            glimpse: outcome.glimpse.clone(),
             tiles: outcome
                 .tiles
                 .iter()

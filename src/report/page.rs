@@ -1,7 +1,7 @@
 //! The report as one page: styles and charts inside, nothing fetched.
 
 use super::{Report, SPANNED, TileRow, chart, figure, thousands, verdicts};
-use crate::quality::Uniformity;
+use crate::{pipeline::Glimpse, quality::Uniformity};
 
 const STYLE: &str = "
 :root{color-scheme:light dark;--ink:#1b2430;--paper:#fbfbf9;--soft:#66707c;--rule:#d9dcd6;
@@ -65,6 +65,7 @@ pub(super) fn page(report: &Report) -> String {
         .collect();
     let sections = [
         ("Figures", figures(report)),
+        ("One place, before and after", glimpse(&report.glimpse)),
         (
             "Nearest distances, in spacings",
             chart::histograms(
@@ -213,6 +214,23 @@ fn map(tiles: &[TileRow]) -> String {
         figure(low),
         figure(high)
     )
+}
+
+fn glimpse(glimpse: &Glimpse) -> String {
+    if glimpse.after.is_empty() {
+        return "<p>nothing to see</p>".into();
+    }
+    let choice = if glimpse.shown < 1.0 {
+        format!(" ({:.0} % of the points)", 100.0 * glimpse.shown)
+    } else {
+        String::new()
+    };
+    chart::before_and_after(glimpse)
+        + &format!(
+            "<p class=\"soft\">{0} × {0} spacings from above: the input{choice}, and the output; \
+             coloured by height</p>",
+            glimpse.side
+        )
 }
 
 fn seams(report: &Report) -> String {

@@ -1,0 +1,107 @@
+//! One place before and after, to be looked at.
+
+use std::path::Path;
+
+use super::{JobError, writing::read_settled};
+use crate::{
+    geometry::{Lattice, Rect, Stored, spread},
+    tile::{Plan, Spill},
+};
+
+/// A square of the plane with what lies in it, from above. Lengths are in
+/// spacings, from the square's south-west corner and from its lowest point.
+#[derive(Clone, Debug, Default)]
+pub struct Glimpse {
+    /// Its side.
+    pub side: f64,
+    /// Points of the input, or an even choice of them.
+    pub before: Vec<[f64; 3]>,
+    /// Share of the input's points that are shown.
+    pub shown: f64,
+    /// Points of the output.
+    pub after: Vec<[f64; 3]>,
+}
+
+/// Side of the square, in spacings.
+const SIDE: f64 = 24.0;
+/// Points of the input that are shown, about.
+const SHOWN: u64 = 4000;
+
+impl Glimpse {
+    /// The middle of the tile that put out most, once its sites are settled in
+    /// the job directory `dir`; nothing if there are none.
+    pub(super) fn of_job(
+        plan: &Plan,
+        most_sites: u32,
+        spill: &Spill,
+        dir: &Path,
+        lattice: &Lattice,
+        spacing: f64,
+    ) -> Result<Self, JobError> {
+        let length = spill.record_length();
+        let sites = |tile: u32| -> Result<Vec<Stored>, JobError> {
+            let records = read_settled(dir, tile)?;
+            Ok(records
+                .chunks_exact(length)
+                .map(Stored::of_record)
+                .collect())
+        };
+        let Some(middle) = middle(&sites(most_sites)?) else {
+            return Ok(Self::default());
+        };
+        let square = Rect {
+            min: middle.map(|c| c - lattice.units(0.5 * SIDE * spacing)),
+            max: middle.map(|c| c + lattice.units(0.5 * SIDE * spacing)),
+        };
+        let mut count = 0;
+        spill.gather(&square, |_| count += 1)?;
+        let shown = (SHOWN as f64 / f64::from(count)).min(1.0);
+        let threshold = (shown * u64::MAX as f64) as u64;
+        let mut before = Vec::new();
+        spill.gather(&square, |record| {
+            let point = Stored::of_record(record);
+            let [x, y, z] = [point.x, point.y, point.z].map(|c| u64::from(c as u32));
+            if spread(spread(x << 32 | y) ^ z) <= threshold {
+                before.push(point);
+            }
+        })?;
+        let mut after = Vec::new();
+        let near = square.grown(lattice.units(SIDE * spacing));
+        for tile in plan.tiles.iter().filter(|t| t.core.intersects(&near)) {
+            after.extend(sites(tile.id)?.into_iter().filter(|&p| square.contains(p)));
+        }
+        let lowest = before.iter().chain(&after).map(|p| p.z).min().unwrap_or(0);
+        let places = |mut points: Vec<Stored>| -> Vec<[f64; 3]> {
+            // The highest last, so that it is drawn above the others.
+            points.sort_unstable_by_key(|p| (p.z, p.x, p.y));
+            points
+                .into_iter()
+                .map(|p| {
+                    let from_corner = [
+                        i64::from(p.x) - square.min[0],
+                        i64::from(p.y) - square.min[1],
+                        i64::from(p.z) - i64::from(lowest),
+                    ];
+                    from_corner.map(|c| c as f64 * lattice.scale / spacing)
+                })
+                .collect()
+        };
+        Ok(Self {
+            side: SIDE,
+            before: places(before),
+            shown,
+            after: places(after),
+        })
+    }
+}
+
+/// The site nearest to the mean of all.
+fn middle(sites: &[Stored]) -> Option<[i64; 2]> {
+    let count = i64::try_from(sites.len()).ok().filter(|&n| n > 0)?;
+    let mean = |of: fn(&Stored) -> i32| sites.iter().map(|s| i64::from(of(s))).sum::<i64>() / count;
+    let (x, y) = (mean(|s| s.x), mean(|s| s.y));
+    sites
+        .iter()
+        .map(|s| [i64::from(s.x), i64::from(s.y)])
+        .min_by_key(|&[a, b]| (i128::from(a - x).pow(2) + i128::from(b - y).pow(2), a, b))
+}
