@@ -153,13 +153,18 @@ impl Scan {
     }
 
     /// Calls `visit` with the place of every point nearer than `radius` (CRS
-    /// units) to `center`.
-    pub(super) fn visit_within(&self, center: Local, radius: f64, mut visit: impl FnMut(usize)) {
+    /// units) to `center`, and its squared distance.
+    pub(super) fn visit_within(
+        &self,
+        center: Local,
+        radius: f64,
+        mut visit: impl FnMut(usize, f64),
+    ) {
         let _ = self.voxels_around(center, radius, |range| {
             for place in range {
                 let distance_squared = (self.local(place) - center).norm_squared();
                 if distance_squared < radius * radius {
-                    visit(place);
+                    visit(place, distance_squared);
                 }
             }
             ControlFlow::<()>::Continue(())

@@ -36,6 +36,12 @@ use crate::geometry::{Local, Rect, Stored, spread};
 /// on a sheet, see the test `the_election_meets_the_density`).
 pub const ELECTION_RADIUS: f64 = 0.745;
 
+/// The same for points that lie on no surface: leaves, wires, strays. Their seeds
+/// stay where they are elected; at the radius above they would be nearer to each
+/// other than the cells of a surface are once they are even. On a simulated
+/// street δ falls from 0.087 to 0.082 by it, in a forest from 0.20 to 0.18.
+const LOOSE_RADIUS: f64 = 0.9;
+
 /// Distance between the rows of a hexagonal lattice, in spacings: √3/2.
 pub(super) const ROW: f64 = 0.866_025_403_784_438_6;
 
@@ -77,18 +83,57 @@ pub fn elect(scan: &Scan, options: &Options) -> Seeds {
 
 /// The seeds of an election, in no order.
 fn elected(scan: &Scan, options: &Options) -> Vec<Stored> {
-    let by_hash = |point| priority(point, options.seed);
-    if options.seeds == SeedRule::Poisson {
-        return election(scan, options.spacing, by_hash);
+    let points = scan.points();
+    let ranks: Vec<u32> = if options.seeds == SeedRule::Poisson {
+        vec![0; points.len()]
+    } else {
+        let nodes = Nodes::new(scan, options);
+        let rank = |&point: &Stored| {
+            let squared = nodes.distance_squared(scan.lattice().local(point));
+            // To a thousandth of a spacing.
+            squared.map_or(ON_NO_SURFACE, |squared| (squared * 1e6) as u32)
+        };
+        points.par_iter().map(rank).collect()
+    };
+    election(scan, options, &ranks)
+}
+
+/// The rank of a point that lies on no surface: it stands last.
+const ON_NO_SURFACE: u32 = u32::MAX;
+
+/// The point of lowest rank is a seed, then the lowest of those that are not too
+/// near to it, and so on; a hash decides between equals.
+fn election(scan: &Scan, options: &Options, ranks: &[u32]) -> Vec<Stored> {
+    let points = scan.points();
+    let [narrow, loose] = [ELECTION_RADIUS, LOOSE_RADIUS].map(|r| r * options.spacing);
+    let mut is_covered = vec![false; points.len()];
+    let mut seeds = Vec::new();
+    // In each round every voxel puts up one of its points that no seed covers.
+    let mut open: Vec<Range<usize>> = scan.voxels().collect();
+    loop {
+        let first = |voxel: &Range<usize>| {
+            let uncovered = voxel.clone().filter(|&place| !is_covered[place]);
+            let standing =
+                uncovered.map(|place| (ranks[place], priority(points[place], options.seed), place));
+            standing.min()
+        };
+        let mut candidates: Vec<_> = open.par_iter().filter_map(first).collect();
+        if candidates.is_empty() {
+            return seeds;
+        }
+        candidates.par_sort_unstable();
+        for (.., place) in candidates {
+            if !is_covered[place] {
+                seeds.push(points[place]);
+                let center = scan.lattice().local(points[place]);
+                scan.visit_within(center, loose, |other, distance_squared| {
+                    is_covered[other] |=
+                        ranks[other] == ON_NO_SURFACE || distance_squared < narrow * narrow;
+                });
+            }
+        }
+        open.retain(|voxel| !is_covered[voxel.clone()].iter().all(|&c| c));
     }
-    let nodes = Nodes::new(scan, options);
-    election(scan, options.spacing, |point| {
-        // Of a bit more than nine: a thousandth of a spacing, and what is on no
-        // surface last. Equally near ones go by their hash.
-        let squared = nodes.distance_squared(scan.lattice().local(point));
-        let rank = squared.map_or(u64::from(u32::MAX), |squared| (squared * 1e6) as u64);
-        rank << 32 | by_hash(point) >> 32
-    })
 }
 
 fn from_points(scan: &Scan, mut identities: Vec<Stored>) -> Seeds {
@@ -100,38 +145,6 @@ fn from_points(scan: &Scan, mut identities: Vec<Stored>) -> Seeds {
             .map(|&identity| scan.lattice().local(identity))
             .collect(),
         identities,
-    }
-}
-
-/// Election at `spacing` (CRS units): the point of lowest `rank` is a seed and
-/// covers what is within the radius, then the lowest of the rest, and so on.
-fn election(scan: &Scan, spacing: f64, rank: impl Fn(Stored) -> u64 + Sync) -> Vec<Stored> {
-    let radius = ELECTION_RADIUS * spacing;
-    let points = scan.points();
-    let mut is_covered = vec![false; points.len()];
-    let mut seeds = Vec::new();
-    // In each round every voxel puts up one of its points that no seed covers.
-    let mut open: Vec<Range<usize>> = scan.voxels().collect();
-    loop {
-        let best = |voxel: &Range<usize>| {
-            let uncovered = voxel.clone().filter(|&place| !is_covered[place]);
-            uncovered.map(|place| (rank(points[place]), place)).min()
-        };
-        let mut candidates: Vec<(u64, usize)> = open.par_iter().filter_map(best).collect();
-        if candidates.is_empty() {
-            return seeds;
-        }
-        candidates.par_sort_unstable();
-        for (_, place) in candidates {
-            if !is_covered[place] {
-                let point = points[place];
-                seeds.push(point);
-                scan.visit_within(scan.lattice().local(point), radius, |covered| {
-                    is_covered[covered] = true;
-                });
-            }
-        }
-        open.retain(|voxel| !is_covered[voxel.clone()].iter().all(|&c| c));
     }
 }
 
@@ -241,7 +254,11 @@ mod tests {
     fn no_two_seeds_are_nearer_than_the_radius_and_every_point_is_covered() {
         let scan = scan(sheet(20_000), 0.03);
         let radius = ELECTION_RADIUS * 0.03;
-        let seeds = election(&scan, 0.03, |p| priority(p, 7));
+        let options = Options {
+            seeds: SeedRule::Poisson,
+            ..Options::new(0.03)
+        };
+        let seeds = elected(&scan, &options);
         let is_near = |a: &Stored, b: &Stored| {
             let place = |s: &Stored| scan.lattice().local(*s);
             (place(a) - place(b)).norm() < radius

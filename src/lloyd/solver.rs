@@ -181,6 +181,8 @@ pub(super) struct Step {
     /// Sites whose cells touch, then [`NO_LINK`].
     pub(super) links: [u32; LINKS],
     nearest: Option<f64>,
+    /// How far the site may go in any direction and still keep clear.
+    free: f64,
 }
 
 impl Step {
@@ -193,6 +195,7 @@ impl Step {
             target: place,
             links: [NO_LINK; LINKS],
             nearest: None,
+            free: 0.0,
         }
     }
 
@@ -326,10 +329,12 @@ impl<'a> Sites<'a> {
         self.positions = next
             .into_par_iter()
             .zip(&self.steps)
-            .map(|(place, step)| match &step.fit {
+            .zip(&self.positions)
+            .map(|((place, step), before)| match &step.fit {
                 Some(fit) if place != step.target => {
                     let place = fit.patch.foot_point(place);
-                    if is_allowed(self.scan, fit, place, self.options) {
+                    let is_clear = (place - before).norm() <= step.free;
+                    if is_clear && is_allowed(self.scan, fit, place, self.options) {
                         place
                     } else {
                         step.target
@@ -433,6 +438,7 @@ impl Step {
         self.target = place;
         self.links = [NO_LINK; LINKS];
         self.nearest = None;
+        self.free = 0.0;
         self.is_exact &= matters;
     }
 
@@ -481,9 +487,11 @@ impl Step {
         if let Some(moments) = moments
             && fit.is_trusted(options)
         {
-            let target = fit.patch.foot_point(moments.centroid);
+            let centroid = fit.patch.foot_point(moments.centroid);
+            let target = around.keeping_clear(centroid);
             if is_allowed(scan, fit, target, options) {
                 self.target = target;
+                self.free = around.free();
             }
         }
     }

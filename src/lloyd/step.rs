@@ -16,6 +16,11 @@ const PATCH_SKIN: f64 = 0.1;
 /// describe its neighbourhood: leaves, clutter, two sheets.
 const WORST_RESIDUAL: f64 = 0.15;
 
+/// No step brings two sites nearer than this, in spacings, or nearer than they
+/// are. On one surface cells see to it; two sides of a leaf do not know of each
+/// other, and have one patch.
+const CLEARANCE: f64 = 0.7;
+
 /// A rounder neighbourhood than this has a surface; a narrower is a wire.
 const LEAST_ROUNDNESS: f64 = 0.2;
 
@@ -230,6 +235,37 @@ impl Around<'_> {
             FAR * self.spacing,
             &mut self.scratch.neighbors,
         );
+    }
+
+    /// The place nearest to `target` on the way there that keeps clear of every
+    /// neighbour's bisector by half the clearance. If all sites do, none come
+    /// nearer to each other than it.
+    pub(super) fn keeping_clear(&self, target: Local) -> Local {
+        let step = target - self.place;
+        // Farther neighbours than are known here must not come near either.
+        let longest = 0.5 * (NEAR - CLEARANCE) * self.spacing;
+        let mut share = (longest / step.norm()).min(1.0);
+        for neighbor in &self.scratch.neighbors {
+            let distance = neighbor.distance_squared.sqrt();
+            let along = step.dot(&(neighbor.position - self.place)) / distance;
+            let room = self.room(distance);
+            if along > room {
+                share = share.min(room / along);
+            }
+        }
+        self.place + step * share
+    }
+
+    /// How far the site may go in any direction and keep clear.
+    pub(super) fn free(&self) -> f64 {
+        self.scratch
+            .nearest()
+            .map_or(0.0, |nearest| self.room(nearest))
+    }
+
+    /// How far the site may go towards one at `distance`.
+    fn room(&self, distance: f64) -> f64 {
+        0.5 * (distance - CLEARANCE * self.spacing).max(0.0)
     }
 
     /// Distance to the nearest other site, if one is near.
