@@ -12,7 +12,9 @@ use std::{
 use clap::{Parser, Subcommand};
 use lloydar::{
     config::{Bytes, Choices},
-    pipeline::{Job, JobError, JobPlan, Quiet, default_directory, measure},
+    pipeline::{
+        Job, JobError, JobPlan, Quiet, default_directory, measure, measure_against_surface,
+    },
     report::{Report, figure, thousands},
 };
 
@@ -57,6 +59,10 @@ enum Command {
         /// and how well it covers them
         #[arg(long, num_args = 1.., value_name = "INPUT")]
         against: Vec<PathBuf>,
+        /// Directory of the simulated street that the cloud was made from:
+        /// tells how near it is to the true surfaces
+        #[arg(long, value_name = "DIR")]
+        truth: Option<PathBuf>,
         /// Peak memory
         #[arg(long, value_name = "SIZE")]
         memory: Option<Bytes>,
@@ -142,9 +148,10 @@ fn run(command: Command) -> Result<u8, JobError> {
         Command::Measure {
             files,
             against,
+            truth,
             memory,
             json,
-        } => measure_cloud(&files, &against, memory, json),
+        } => measure_cloud(&files, &against, truth.as_deref(), memory, json),
         Command::Info { files } => print_info(&files),
         Command::Simulate { street, output } => simulating::simulate(&street, &output),
         Command::Demo { output } => simulating::demo(&output),
@@ -217,12 +224,19 @@ fn run_and_report(job: &Job, look: Look) -> Result<u8, JobError> {
 fn measure_cloud(
     files: &[PathBuf],
     against: &[PathBuf],
+    truth: Option<&Path>,
     memory: Option<Bytes>,
     json: bool,
 ) -> Result<u8, JobError> {
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let memory = memory.map(|bytes| bytes.0);
-    let measured = measure(files, against, &std::env::temp_dir(), memory, threads)?;
+    let mut measured = measure(files, against, &std::env::temp_dir(), memory, threads)?;
+    if let Some(dir) = truth {
+        let street = simulating::street_of(dir)?;
+        let distance = |place| street.distance_to_surface(place);
+        let figures = measure_against_surface(files, measured.spacing, distance)?;
+        measured.truth = Some(figures);
+    }
     if json {
         println!(
             "{}",
@@ -257,6 +271,13 @@ fn measure_cloud(
             ("                99 %", figure(coverage.p99)),
             ("                max", figure(coverage.max)),
             ("  share beyond 1.5 h", figure(coverage.share_beyond)),
+        ]);
+    }
+    if let Some(truth) = &measured.truth {
+        rows.extend([
+            ("to the truth, mean", figure(truth.mean)),
+            ("              99 %", figure(truth.p99)),
+            ("              max", figure(truth.max)),
         ]);
     }
     for (name, value) in rows {

@@ -54,7 +54,30 @@ pub(super) fn simulate(simulation: &Simulation, output: &Path) -> Result<u8, Job
     for (path, points) in write_street(&street, simulation.passes, output)? {
         println!("{} points: {}", points, path.display());
     }
+    let path = output.join(TRUTH);
+    let text = serde_json::to_string_pretty(street.options()).unwrap_or_default();
+    std::fs::write(&path, text).map_err(|source| JobError::Io {
+        action: "write",
+        path: path.display().to_string(),
+        source,
+    })?;
     Ok(0)
+}
+
+/// What a street was simulated by, beside its scans.
+const TRUTH: &str = "street.json";
+
+/// The street whose scans are in `dir`.
+pub(super) fn street_of(dir: &Path) -> Result<Street, JobError> {
+    let path = dir.join(TRUTH);
+    let text = std::fs::read_to_string(&path).map_err(|source| JobError::Io {
+        action: "read",
+        path: path.display().to_string(),
+        source,
+    })?;
+    let options = serde_json::from_str(&text)
+        .map_err(|e| JobError::Refused(format!("{}: describes no street: {e}", path.display())))?;
+    Ok(Street::new(options))
 }
 
 /// Simulates a street and resamples it, as anyone would with own data.

@@ -40,6 +40,8 @@ pub struct Measured {
     pub accuracy: Option<DistanceFigures>,
     /// From the scans to the nearest point of the cloud, likewise.
     pub coverage: Option<DistanceFigures>,
+    /// From the cloud to surfaces that are known, where they were asked.
+    pub truth: Option<DistanceFigures>,
 }
 
 /// Points of a part.
@@ -222,6 +224,33 @@ pub fn measure(
     measured
 }
 
+/// Distances of the points of the cloud in `files` from a surface that is known:
+/// `distance` is asked for each, in world coordinates.
+///
+/// # Errors
+///
+/// If a file cannot be read.
+pub fn measure_against_surface(
+    files: &[PathBuf],
+    spacing: f64,
+    distance: impl Fn([f64; 3]) -> f64,
+) -> Result<DistanceFigures, JobError> {
+    let mut tally = DistanceTally::new(spacing);
+    for path in expand_inputs(files)? {
+        let marked = [(Mark::Cloud, File::survey(&path)?)];
+        let lattice = lattice(&marked);
+        let wrong = |e: SourceError| JobError::Tile(crate::tile::TileError::Source(e));
+        let mut source = marked[0].1.open(Mark::Cloud, lattice).map_err(wrong)?;
+        let mut records = Vec::new();
+        while source.next_batch(&mut records).map_err(wrong)? > 0 {
+            for record in records.chunks_exact(MARKED) {
+                tally.push(distance(lattice.world(Stored::of_record(record))));
+            }
+        }
+    }
+    Ok(tally.figures())
+}
+
 /// The lattice of all `files`: the finest of theirs; of polygon files alone one
 /// that no `f32` can tell from their own.
 fn lattice(files: &[(Mark, File)]) -> Lattice {
@@ -323,6 +352,7 @@ fn measure_in(files: &[(Mark, File)], dir: &Path, budget: &Budget) -> Result<Mea
         spacing,
         accuracy: has_scans.then(|| accuracy.figures()),
         coverage: has_scans.then(|| coverage.figures()),
+        truth: None,
     })
 }
 

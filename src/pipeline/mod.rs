@@ -21,7 +21,7 @@ mod writing;
 pub use error::JobError;
 pub use glimpse::Glimpse;
 pub use job::{InputCount, Job, JobPlan, Outcome, StageCost, default_directory};
-pub use measuring::{Measured, measure};
+pub use measuring::{Measured, measure, measure_against_surface};
 pub use memory::{memory_limit, peak_resident};
 pub use progress::{Progress, Quiet, Unit};
 pub use solving::TileFigures;

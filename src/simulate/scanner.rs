@@ -1,6 +1,8 @@
 //! A vehicle drives down the street with two profile scanners, one looking half
 //! left and one half right; lines of points as mobile mapping gives them.
 
+use serde::{Deserialize, Serialize};
+
 use super::street::{Material, Street};
 use crate::geometry::{Local, spread};
 
@@ -8,7 +10,7 @@ use crate::geometry::{Local, spread};
 pub const SLICE: u64 = 50_000;
 
 /// What is simulated.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StreetOptions {
     /// Length of the street (m).
     pub length: f64,
@@ -134,6 +136,11 @@ impl Street {
             angle: turn.to_degrees().rem_euclid(360.0) - 180.0,
             pass: u16::try_from(pass + 1).unwrap_or(u16::MAX),
         })
+    }
+
+    /// What it was made by.
+    pub fn options(&self) -> &StreetOptions {
+        &self.options
     }
 
     /// Distance from `position` (world coordinates, m) to the nearest true

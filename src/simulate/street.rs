@@ -300,8 +300,19 @@ impl Street {
 
     /// Whether there is road below or above `point`.
     fn is_road(&self, point: Local) -> bool {
-        let end = (self.potholes.len() / 2) as f64 * BLOCK;
-        point.y.abs() <= KERB && (0.0..=end).contains(&point.x)
+        point.y.abs() <= KERB && (0.0..=self.end()).contains(&point.x)
+    }
+
+    /// Where the road ends.
+    fn end(&self) -> f64 {
+        (self.potholes.len() / 2) as f64 * BLOCK
+    }
+
+    /// Distance from `point` to the road below, above or beside it; the road is
+    /// nearly level.
+    fn distance_to_road(&self, point: Local) -> f64 {
+        let (x, y) = (point.x.clamp(0.0, self.end()), point.y.clamp(-KERB, KERB));
+        (point - Local::new(x, y, self.road(x, y))).norm()
     }
 
     /// Height of the road at `(x, y)`.
@@ -392,11 +403,7 @@ impl Street {
 
     /// Distance from `point` (street coordinates) to the nearest surface.
     pub(super) fn distance(&self, point: Local) -> f64 {
-        let road = if self.is_road(point) {
-            (point.z - self.road(point.x, point.y)).abs()
-        } else {
-            f64::INFINITY
-        };
+        let road = self.distance_to_road(point);
         let [x, y] = [
             (point.x / BIN).floor() as i64,
             (point.y / BIN).floor() as i64,
@@ -421,11 +428,7 @@ impl Street {
 
     #[cfg(test)]
     pub(super) fn distance_to_all(&self, point: Local) -> f64 {
-        let road = if self.is_road(point) {
-            (point.z - self.road(point.x, point.y)).abs()
-        } else {
-            f64::INFINITY
-        };
+        let road = self.distance_to_road(point);
         self.shapes
             .iter()
             .map(|(shape, _)| shape.distance(point))
