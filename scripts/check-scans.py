@@ -32,10 +32,11 @@ def run(scans, spacing):
 
 def spacings(scans):
     """Twice and five times the mean spacing of the scans from above."""
-    headers = [laspy.open(path).header for path in scans]
-    points = sum(header.point_count for header in headers)
-    low = [min(h.mins[k] for h in headers) for k in (0, 1)]
-    high = [max(h.maxs[k] for h in headers) for k in (0, 1)]
+    # From the points: a header may say anything.
+    read = [laspy.read(path) for path in scans]
+    points = sum(len(scan.points) for scan in read)
+    low = [min(scan[axis].min() for scan in read) for axis in "xy"]
+    high = [max(scan[axis].max() for scan in read) for axis in "xy"]
     area = (high[0] - low[0]) * (high[1] - low[1])
     mean = math.sqrt(area / points) if area > 0 and points else 1.0
     return [2 * mean, 5 * mean]

@@ -435,7 +435,7 @@ impl Job {
                         2.0 * survey.lattice.scale
                     )));
                 }
-                let seeds = spacing::seeds(spill, &survey.lattice, &self.settings, spacing)?;
+                let seeds = spacing::expected(spill, &survey.lattice, &self.settings, spacing)?;
                 (spacing, seeds.round() as u64)
             }
             Target::Count(count) => (

@@ -1,10 +1,9 @@
 //! One global spacing, from `--spacing`, `--count` or `--ratio`.
 //!
 //! How many seeds a spacing gives depends on the surfaces, which nobody knows
-//! before. So it is tried: seeds are elected on a sample of the cloud
-//! (all of it if there are few points), and the spacing is moved until the
-//! count is met. The sample depends on the input alone, not on tiles, threads
-//! or memory.
+//! before. So it is tried: seeds are elected on a sample of the cloud (all of it
+//! if there are few points), and the spacing is moved until the count is met.
+//! The sample depends on the input alone, not on tiles, threads or memory.
 
 use super::JobError;
 use crate::{
@@ -17,10 +16,15 @@ use crate::{
 /// Points to elect from, about; more would not move the count by one in a
 /// hundred.
 const SAMPLE_POINTS: u64 = 12_000_000;
+/// Points for the first try, which only has to come near.
+const FIRST_POINTS: u64 = 1_500_000;
 /// Points of a part of the cloud in which seeds are elected.
 const PART_POINTS: u64 = 1_000_000;
 /// A count met this closely is met.
 const TOLERANCE: f64 = 0.004;
+/// A count met this closely is corrected, and not tried again: over so little,
+/// seeds go with a power of the spacing.
+const NEARLY: f64 = 0.06;
 /// Tries; three are usual.
 const TRIES: u32 = 12;
 
@@ -52,14 +56,28 @@ pub(super) fn for_count(
     let mut spacing = guess.clamp(4.0 * lattice.scale, extent);
 
     let mut tried: Vec<(f64, f64)> = Vec::new();
-    for _ in 0..TRIES {
-        let found = seeds(spill, lattice, settings, spacing)?;
+    for number in 0..TRIES {
+        let sample = if number == 0 {
+            FIRST_POINTS
+        } else {
+            SAMPLE_POINTS
+        };
+        let found = seeds(spill, lattice, settings, spacing, sample)?;
         let error = (found / count as f64).ln();
+        let is_whole = sample >= SAMPLE_POINTS.min(spill.points());
         tried.push((spacing.ln(), error));
-        if error.abs() <= TOLERANCE {
+        let next = next_try(&tried).exp().clamp(lattice.scale, 2.0 * extent);
+        if is_whole && error.abs() <= TOLERANCE {
             return Ok(spacing);
         }
-        spacing = next_try(&tried).exp().clamp(lattice.scale, 2.0 * extent);
+        if is_whole && error.abs() <= NEARLY {
+            return Ok(next);
+        }
+        if number == 0 && !is_whole {
+            // What it says of the slope is of other points.
+            tried.clear();
+        }
+        spacing = next;
     }
     let (best, error) = tried
         .iter()
@@ -91,15 +109,26 @@ fn next_try(tried: &[(f64, f64)]) -> f64 {
     last - error / slope.clamp(-3.0, -0.5)
 }
 
-/// Seeds elected at `spacing`, over all of the cloud, about.
-pub(super) fn seeds(
+/// Seeds that the cloud has at `spacing`, about.
+pub(super) fn expected(
     spill: &Spill,
     lattice: &Lattice,
     settings: &Settings,
     spacing: f64,
 ) -> Result<f64, JobError> {
+    seeds(spill, lattice, settings, spacing, SAMPLE_POINTS)
+}
+
+/// Seeds elected at `spacing` from `sample` points, for all of the cloud.
+fn seeds(
+    spill: &Spill,
+    lattice: &Lattice,
+    settings: &Settings,
+    spacing: f64,
+    sample: u64,
+) -> Result<f64, JobError> {
     let parts = parts(spill, lattice.units(6.0 * spacing))?;
-    let every = spill.points().div_ceil(SAMPLE_POINTS).max(1) as usize;
+    let every = spill.points().div_ceil(sample.max(1)).max(1) as usize;
     let options = settings.solver(spacing, 0.0);
     let (mut elected, mut sampled) = (0, 0);
     for tile in parts.tiles.iter().step_by(every) {
