@@ -54,6 +54,12 @@ def attributes(las, names):
     for name in names:
         if name == "scan_angle":
             columns.append(scan_angle(las))
+        elif name == "classification" and las.point_format.id < 6:
+            # Class 12 meant overlap, which has a flag in the formats from 6 on.
+            classes = np.asarray(las.classification)
+            columns.append(np.where(classes == 12, 1, classes))
+        elif name == "overlap" and las.point_format.id < 6:
+            columns.append((np.asarray(las.classification) == 12).astype(np.uint8))
         elif name in las.point_format.dimension_names:
             columns.append(np.asarray(las[name]))
         else:
@@ -121,9 +127,6 @@ def check(out_path, scan_paths):
     for k, name in enumerate(names):
         missing = any(columns[k] is None for columns in theirs)
         if missing and len(scans) > 1:
-            continue
-        if missing and name == "overlap":
-            # Told by class 12 in the formats before 6.
             continue
         if missing:
             # The formats from 6 on have it, the scan has not.
