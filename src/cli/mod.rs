@@ -261,6 +261,7 @@ fn measure_cloud(
         ("sigma", figure(u.sigma)),
         ("sigma / mean", figure(u.sigma_over_mean)),
         ("epsilon", figure(u.epsilon)),
+        ("alone", thousands(u.alone)),
     ];
     if let (Some(accuracy), Some(coverage)) = (&measured.accuracy, &measured.coverage) {
         rows.extend([

@@ -156,8 +156,9 @@ pub(super) fn uniformity(sites: &[Site], core: &Rect, spacing: f64) -> Uniformit
             continue;
         }
         let nearest = grid.nearest(site.position, BAND * spacing, |other| other == index);
-        if let Some((_, squared)) = nearest {
-            tally.push_distance(squared.sqrt());
+        match nearest {
+            Some((_, squared)) => tally.push_distance(squared.sqrt()),
+            None => tally.push_alone(),
         }
         if site.is_closed && !site.is_held {
             tally.push_cell(CellFigures {

@@ -146,6 +146,7 @@ pub(super) fn write(
         ) {
             let nearest = grid.nearest(*place, BAND * spacing, |other| other == index);
             let Some((_, squared)) = nearest else {
+                stitched.all.push_alone();
                 continue;
             };
             let distance = squared.sqrt();

@@ -41,6 +41,7 @@ pub struct UniformityTally {
     /// Number and sum of the nearest distances, by distance.
     bins: Vec<(u32, f64)>,
     count: u64,
+    alone: u64,
     sum: f64,
     squares: f64,
     min: f64,
@@ -54,6 +55,9 @@ pub struct UniformityTally {
 /// What a [`UniformityTally`] says. Lengths are CRS units; NaN of nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Uniformity {
+    /// Sites without another one as far as was looked: strays, which have no
+    /// part in the figures of distance.
+    pub alone: u64,
     /// Sites with a nearest neighbour.
     pub count: u64,
     /// Paper, equation (6).
@@ -110,6 +114,7 @@ impl UniformityTally {
             spacing,
             bins: vec![(0, 0.0); (BINS_PER_SPACING * SPACINGS) as usize + 1],
             count: 0,
+            alone: 0,
             sum: 0.0,
             squares: 0.0,
             // Not infinite: JSON has no word for that.
@@ -135,6 +140,11 @@ impl UniformityTally {
         self.min = self.min.min(distance);
     }
 
+    /// Adds a site that has no neighbour as far as was looked.
+    pub fn push_alone(&mut self) {
+        self.alone += 1;
+    }
+
     /// Adds a site's closed cell.
     pub fn push_cell(&mut self, cell: CellFigures) {
         self.cells += 1;
@@ -151,6 +161,7 @@ impl UniformityTally {
             bin.1 += more.1;
         }
         self.count += other.count;
+        self.alone += other.alone;
         self.sum += other.sum;
         self.squares += other.squares;
         self.min = self.min.min(other.min);
@@ -187,6 +198,7 @@ impl UniformityTally {
             .sum::<f64>()
             / n;
         Uniformity {
+            alone: self.alone,
             count: self.count,
             delta: (n * self.squares / (self.sum * self.sum) - 1.0)
                 .clamp(0.0, f64::INFINITY)

@@ -139,6 +139,11 @@ fn figures(report: &Report) -> String {
         row("p99 over mean", &|u| u.p99),
         row("σ over mean", &|u| u.sigma_over_mean),
         row("ε", &|u| u.epsilon),
+        vec![
+            "alone within four spacings: in none of these".to_owned(),
+            thousands(report.seeds.alone),
+            thousands(report.uniformity.alone),
+        ],
     ];
     let distances = [
         ("output to input", &report.accuracy),
