@@ -222,10 +222,6 @@ impl OccupiedCells {
             slot = (slot + 1) & mask;
         }
     }
-
-    /// Bytes of memory held per occupied cell, at most: with every cell in a
-    /// brick of its own.
-    pub const BYTES_PER_CELL: usize = 4 + size_of::<Brick>() + 16;
 }
 
 impl Brick {

@@ -98,11 +98,6 @@ impl Scan {
         &self.lattice
     }
 
-    /// Edge of a voxel (CRS units).
-    pub fn voxel(&self) -> f64 {
-        self.voxel
-    }
-
     /// The places in [`points`](Self::points) of every occupied voxel's points,
     /// the one of highest priority first.
     pub fn voxels(&self) -> impl ExactSizeIterator<Item = Range<usize>> + '_ {
@@ -142,14 +137,7 @@ impl Scan {
     /// The point of the scan nearest to `place` within `radius` (CRS units)
     /// and its distance; of equally near ones the smallest.
     pub fn nearest(&self, place: Local, radius: f64) -> Option<(Stored, f64)> {
-        let mut reach = self.voxel.min(radius);
-        loop {
-            match self.nearest_where(place, reach) {
-                Some((point, squared)) => return Some((point, squared.sqrt())),
-                None if reach >= radius => return None,
-                None => reach = (2.0 * reach).min(radius),
-            }
-        }
+        self.nearest_but(None, place, radius)
     }
 
     /// Calls `visit` with the place of every point nearer than `radius` (CRS
@@ -204,36 +192,35 @@ impl Scan {
         (0..self.points.len())
             .filter(move |&own| chosen(self.points[own]))
             .filter_map(move |own| {
-                let place = self.local(own);
-                let mut reach = self.voxel.min(radius);
-                loop {
-                    let mut least = reach * reach;
-                    let mut is_found = false;
-                    let _ = self.voxels_around(place, reach, |range| {
-                        for other in range.filter(|&other| other != own) {
-                            let squared = (self.local(other) - place).norm_squared();
-                            if squared <= least {
-                                (least, is_found) = (squared, true);
-                            }
-                        }
-                        ControlFlow::<()>::Continue(())
-                    });
-                    if is_found {
-                        return Some(least.sqrt());
-                    }
-                    if reach >= radius {
-                        return None;
-                    }
-                    reach = (2.0 * reach).min(radius);
-                }
+                let nearest = self.nearest_but(Some(own), self.local(own), radius);
+                nearest.map(|(_, distance)| distance)
             })
     }
 
-    fn nearest_where(&self, place: Local, radius: f64) -> Option<(Stored, f64)> {
+    /// As [`nearest`](Self::nearest), but for the point at `own`: in balls of
+    /// growing reach.
+    fn nearest_but(&self, own: Option<usize>, place: Local, radius: f64) -> Option<(Stored, f64)> {
+        let mut reach = self.voxel.min(radius);
+        loop {
+            match self.nearest_within(own, place, reach) {
+                Some((point, squared)) => return Some((point, squared.sqrt())),
+                None if reach >= radius => return None,
+                None => reach = (2.0 * reach).min(radius),
+            }
+        }
+    }
+
+    fn nearest_within(
+        &self,
+        own: Option<usize>,
+        place: Local,
+        radius: f64,
+    ) -> Option<(Stored, f64)> {
         let mut best: Option<(Stored, f64)> = None;
         let mut limit = radius * radius;
         let _ = self.voxels_around(place, radius, |range| {
-            for &point in &self.points[range] {
+            for index in range.filter(|&index| Some(index) != own) {
+                let point = self.points[index];
                 let squared = (self.lattice.local(point) - place).norm_squared();
                 if squared < limit || squared == limit && best.is_none_or(|(b, _)| point < b) {
                     best = Some((point, squared));
@@ -245,18 +232,11 @@ impl Scan {
         best
     }
 
-    /// For every occupied voxel its point of highest priority, if `chosen`
-    /// says so of it: an even, unbiased choice of places of the scan.
+    /// For every occupied voxel its point of highest priority: an even, unbiased
+    /// choice of places of the scan.
     pub fn representatives(&self) -> impl ExactSizeIterator<Item = Stored> + '_ {
         self.voxels().map(|voxel| self.points[voxel.start])
     }
-
-    /// Bytes of memory at the peak of [`Scan::new`] for each point, with
-    /// `points_per_voxel` points in the mean voxel at the least.
-    pub const PEAK_BYTES_PER_POINT: usize = 12 + 12 + 16 + 4;
-
-    /// Bytes held for each occupied voxel.
-    pub const BYTES_PER_VOXEL: usize = 2 * OccupiedCells::BYTES_PER_CELL + 24 + 4 + 4 + 24;
 }
 
 /// The priority of a point in every election: a hash of what it is, not of

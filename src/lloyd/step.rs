@@ -4,8 +4,8 @@ use crate::geometry::{Cell, Local, Moments, Neighbor, NeighborGrid, Patch};
 
 use super::{Options, Scan};
 
-/// Radius of a cell's domain, in spacings. Seeds cover the scan at 0.77
-/// spacings, so no cell inside a surface reaches it.
+/// Radius of a cell's domain, in spacings. Seeds cover surfaces at 0.745
+/// spacings, so no cell inside one reaches it.
 pub(super) const DOMAIN_RADIUS: f64 = 1.0;
 
 /// A patch stays in use until its site has moved this far from where it was
