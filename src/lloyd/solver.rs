@@ -267,13 +267,26 @@ pub fn solve(scan: &Scan, domain: &Domain, options: &Options) -> Solution {
 /// The points of `scan` themselves as sites, with the cells they have on
 /// patches through their neighbours: for the figures of a finished cloud.
 pub fn describe_points(scan: &Scan, domain: &Domain, options: &Options) -> Vec<Site> {
-    let mut identities = scan.points().to_vec();
-    identities.sort_unstable();
-    identities.dedup();
-    let positions: Vec<Local> = identities
-        .iter()
-        .map(|&identity| scan.lattice().local(identity))
-        .collect();
+    let lattice = scan.lattice();
+    let places: Vec<Local> = scan.points().iter().map(|&p| lattice.local(p)).collect();
+    describe_places(scan, domain, options, &places)
+}
+
+/// `places` as sites, with the cells they have on the patches of `scan`: for
+/// the figures of what somebody else made of the scan. Their identities are the
+/// places as stored; of places stored alike one is described, and none that
+/// cannot be stored.
+pub fn describe_places(
+    scan: &Scan,
+    domain: &Domain,
+    options: &Options,
+    places: &[Local],
+) -> Vec<Site> {
+    let stored = |&place: &Local| Some((scan.lattice().stored(place)?, place));
+    let mut known: Vec<(Stored, Local)> = places.iter().filter_map(stored).collect();
+    known.sort_unstable_by_key(|&(identity, _)| identity);
+    known.dedup_by_key(|&mut (identity, _)| identity);
+    let (identities, positions): (Vec<_>, Vec<_>) = known.into_iter().unzip();
     Sites::new(scan, domain, options, &identities, &positions).describe()
 }
 

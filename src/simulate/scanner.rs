@@ -100,6 +100,30 @@ impl Street {
         points
     }
 
+    /// `count` points of a scanner on a tripod, `along` metres down the street:
+    /// as dense as the inverse square of the range.
+    pub fn station(&self, along: f64, count: u64) -> Vec<[f64; 3]> {
+        let origin = Local::new(along, -3.6, 1.7);
+        let unit = |k: u64| {
+            (spread(self.options.seed ^ spread(k ^ 0x57a7)) >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let mut points = Vec::new();
+        let mut pulse = 0;
+        while (points.len() as u64) < count && pulse < 400 * count {
+            pulse += 1;
+            // Even over the sphere.
+            let z = 2.0 * unit(3 * pulse) - 1.0;
+            let (sin, cos) = (unit(3 * pulse + 1) * std::f64::consts::TAU).sin_cos();
+            let across = (1.0 - z * z).sqrt();
+            let direction = Local::new(across * cos, across * sin, z);
+            if let Some((range, ..)) = self.cast(origin, direction, RANGE) {
+                let error = (unit(3 * pulse + 2) - 0.5) * 12.0_f64.sqrt() * self.options.noise;
+                points.push(to_world(origin + direction * (range + error)));
+            }
+        }
+        points
+    }
+
     fn pulse(
         &self,
         pass: u32,

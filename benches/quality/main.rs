@@ -1,0 +1,124 @@
+//! How even the points of several methods are, on clouds of many kinds: the
+//! tables of `docs/RESULTS.md`. `scripts/quality` runs it.
+//!
+//!     cargo bench --bench quality -- [--scans DIR] [--only NAME] [--ours]
+
+#![allow(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "prints its tables"
+)]
+
+mod clouds;
+mod methods;
+
+use std::path::PathBuf;
+
+use clouds::{Cloud, Surface};
+use methods::{Method, Outcome};
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().collect();
+    let value = |name: &str| {
+        let place = arguments.iter().position(|a| a == name)?;
+        arguments.get(place + 1).cloned()
+    };
+    let only = value("--only").unwrap_or_default();
+    let methods: &[Method] = if arguments.iter().any(|a| a == "--ours") {
+        &[Method::Ours, Method::Poisson]
+    } else {
+        &Method::ALL
+    };
+    let folder = value("--scans").map(PathBuf::from);
+    println!(
+        "| cloud | method | n | δ | δ trimmed | σ/d̄ | 1 − ε | energy | area CV | packing | six | min | p1 | \
+         p99 | accuracy mean | p99 | coverage p99 | astray | held | open | s |"
+    );
+    println!("|{}", " --- |".repeat(21));
+    for (name, make) in named(folder.as_deref()) {
+        if !name.contains(&only) {
+            continue;
+        }
+        let Some(cloud) = make() else { continue };
+        for &method in methods {
+            print_row(&cloud, method);
+        }
+    }
+}
+
+type Maker = Box<dyn Fn() -> Option<Cloud>>;
+
+fn named(folder: Option<&std::path::Path>) -> Vec<(String, Maker)> {
+    let mut all: Vec<(String, Maker)> = Vec::new();
+    let mut push = |name: &str, make: Maker| all.push((name.into(), make));
+    for surface in Surface::ALL {
+        push(
+            "even",
+            Box::new(move || Some(clouds::even(surface, 300_000, 10_000))),
+        );
+    }
+    for surface in Surface::ALL {
+        push(
+            "white",
+            Box::new(move || Some(clouds::even(surface, 30_000, 10_000))),
+        );
+    }
+    push("uneven", Box::new(|| Some(clouds::uneven())));
+    push("sheet", Box::new(|| Some(clouds::sheet())));
+    push(
+        "street",
+        Box::new(|| Some(clouds::street(5_000_000, 100_000))),
+    );
+    push("station", Box::new(|| Some(clouds::station())));
+    push("upsampled", Box::new(|| Some(clouds::upsampled())));
+    push("noisy", Box::new(|| Some(clouds::noisy())));
+    if let Some(folder) = folder {
+        let igea = folder.join("objects/igea.ply");
+        push("white igea", Box::new(move || clouds::white_noise(&igea)));
+        for path in clouds::scans(folder) {
+            for ratio in [20, 100] {
+                let (name, path) = (format!("scan {} {ratio}", path.display()), path.clone());
+                push(&name, Box::new(move || clouds::scan(&path, ratio)));
+            }
+        }
+    }
+    all
+}
+
+fn print_row(cloud: &Cloud, method: Method) {
+    let spacing = methods::spacing(cloud, method);
+    let Outcome {
+        seconds,
+        figures: f,
+        accuracy,
+        coverage,
+        astray,
+        held,
+        open,
+        convergence,
+        ..
+    } = methods::run(cloud, method, spacing);
+    println!(
+        "| {} | {} | {} | {:.4} | {:.4} | {:.4} | {:.4} | {:.4} | {:.4} | {:.4} | {:.3} | {:.3} | {:.3} | {:.3} | \
+         {:.3} h | {:.3} h | {:.2} h | {astray} | {held:.2} | {open:.2} | {seconds:.1} |",
+        cloud.name,
+        method.name(),
+        f.count,
+        f.delta,
+        f.delta_trimmed,
+        f.sigma_over_mean,
+        1.0 - f.epsilon,
+        f.energy_ratio,
+        f.cell_area_cv,
+        f.packing,
+        f.six_neighbors,
+        f.min,
+        f.p1,
+        f.p99,
+        accuracy.mean / spacing,
+        accuracy.p99 / spacing,
+        coverage.p99 / spacing,
+    );
+    let curve: Vec<String> = convergence.iter().map(|d| format!("{d:.4}")).collect();
+    eprintln!("   {}", curve.join(" "));
+}

@@ -1,0 +1,293 @@
+//! The methods that are compared, and the figures of what they make.
+
+use std::{collections::BTreeMap, time::Instant};
+
+use lloydar::{
+    geometry::{Local, NeighborGrid, Stored},
+    lloyd::{
+        AREA_PER_SEED, Acceleration, Domain, Options, Restriction, Scan, SeedRule, Site,
+        describe_places, elect, solve,
+    },
+    quality::{CellFigures, DistanceFigures, DistanceTally, Uniformity, UniformityTally},
+};
+
+use crate::clouds::{Cloud, Dice};
+
+/// A way to make evenly spaced points of a cloud.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Method {
+    /// As lloydar does unless told otherwise.
+    Ours,
+    /// The same without acceleration.
+    Plain,
+    /// Area-weighted seeds, one Anderson mixture and one threshold for the
+    /// cloud.
+    Paper,
+    /// Poisson-disk seeds, and nothing else.
+    Poisson,
+    Random,
+    /// Means of the points of the cells of a cubic lattice.
+    Voxel,
+}
+
+impl Method {
+    pub(crate) const ALL: [Self; 6] = [
+        Self::Ours,
+        Self::Plain,
+        Self::Paper,
+        Self::Poisson,
+        Self::Random,
+        Self::Voxel,
+    ];
+
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Ours => "**lloydar**",
+            Self::Plain => "no acceleration",
+            Self::Paper => "the paper's settings",
+            Self::Poisson => "Poisson seeds alone",
+            Self::Random => "random",
+            Self::Voxel => "voxel means",
+        }
+    }
+
+    pub(crate) fn options(self, cloud: &Cloud, spacing: f64) -> Options {
+        let mut options = Options::new(spacing);
+        if let Some(smooth) = cloud.smooth {
+            options.fit_radius = smooth * spacing;
+        }
+        match self {
+            Self::Ours | Self::Random | Self::Voxel => {}
+            Self::Plain => options.acceleration = Acceleration::None,
+            Self::Paper => {
+                options.seeds = SeedRule::Area;
+                options.acceleration = Acceleration::AndersonGlobal;
+                options.restriction = Restriction::Global(mean_nearest(cloud));
+                options.seeds_per_point = cloud.count as f64 / cloud.points.len() as f64;
+            }
+            Self::Poisson => {
+                options.seeds = SeedRule::Poisson;
+                options.iterations = 0;
+            }
+        }
+        options
+    }
+}
+
+/// The paper's threshold: the mean distance between neighbouring points.
+fn mean_nearest(cloud: &Cloud) -> f64 {
+    let spread = 2000.0 / cloud.points.len() as f64;
+    let extent = extent(cloud);
+    let scan = Scan::new(
+        cloud.points.clone(),
+        cloud.lattice,
+        extent / 500.0,
+        extent / 500.0,
+        0,
+    );
+    let distances: Vec<f64> = scan.sampled_distances(spread, extent, |_| true).collect();
+    distances.iter().sum::<f64>() / distances.len() as f64
+}
+
+fn extent(cloud: &Cloud) -> f64 {
+    let bound = |axis: fn(&Stored) -> i32| {
+        let all = cloud.points.iter().map(axis);
+        f64::from(all.clone().max().unwrap_or(0)) - f64::from(all.min().unwrap_or(0))
+    };
+    let size = bound(|p| p.x).max(bound(|p| p.y)).max(bound(|p| p.z));
+    size * cloud.lattice.scale
+}
+
+/// What a method made, and how even it is.
+pub(crate) struct Outcome {
+    pub(crate) spacing: f64,
+    pub(crate) seconds: f64,
+    pub(crate) figures: Uniformity,
+    /// To the truth where it is known, else to the scan.
+    pub(crate) accuracy: DistanceFigures,
+    pub(crate) coverage: DistanceFigures,
+    /// Sites farther from the scan than it is dense around them.
+    pub(crate) astray: usize,
+    /// δ at the start of every iteration and at the end.
+    pub(crate) convergence: Vec<f64>,
+    pub(crate) held: f64,
+    pub(crate) open: f64,
+}
+
+pub(crate) fn run(cloud: &Cloud, method: Method, spacing: f64) -> Outcome {
+    let options = method.options(cloud, spacing);
+    let start = Instant::now();
+    let (places, convergence) = match method {
+        Method::Random => (random(cloud), Vec::new()),
+        Method::Voxel => (voxel_means(cloud), Vec::new()),
+        _ => {
+            let scan = scan(cloud, &options);
+            let solution = solve(&scan, &Domain::everything(), &options);
+            let places = solution.sites.iter().map(|site| site.position).collect();
+            let delta = solution.convergence.iter().map(|sums| sums.delta());
+            (places, delta.collect())
+        }
+    };
+    let seconds = start.elapsed().as_secs_f64();
+    let mut outcome = judge(cloud, &places);
+    outcome.seconds = seconds;
+    outcome.spacing = spacing;
+    outcome.convergence = convergence;
+    outcome
+}
+
+pub(crate) fn scan(cloud: &Cloud, options: &Options) -> Scan {
+    Scan::new(
+        cloud.points.clone(),
+        cloud.lattice,
+        options.spacing,
+        options.fit_radius,
+        options.seed,
+    )
+}
+
+/// The spacing at which `method` makes the cloud's count.
+pub(crate) fn spacing(cloud: &Cloud, method: Method) -> f64 {
+    // Were it a cube.
+    let mut spacing = (6.0 * extent(cloud).powi(2) / cloud.count as f64).sqrt() * 0.5;
+    for _ in 0..12 {
+        let options = method.options(cloud, spacing);
+        let made = elect(&scan(cloud, &options), &options).identities.len();
+        let error = made as f64 / cloud.count as f64;
+        if (error - 1.0).abs() < 0.003 {
+            break;
+        }
+        spacing *= error.sqrt();
+    }
+    spacing
+}
+
+fn random(cloud: &Cloud) -> Vec<Local> {
+    let share = cloud.count as f64 / cloud.points.len() as f64;
+    let mut dice = Dice(6);
+    let chosen = cloud.points.iter().filter(|_| dice.roll() < share);
+    chosen.map(|&p| cloud.lattice.local(p)).collect()
+}
+
+fn voxel_means(cloud: &Cloud) -> Vec<Local> {
+    let means = |edge: f64| -> Vec<Local> {
+        let mut cells: BTreeMap<[i32; 3], (Local, f64)> = BTreeMap::new();
+        for &point in &cloud.points {
+            let place = cloud.lattice.local(point);
+            let cell = [0, 1, 2].map(|axis| (place[axis] / edge).floor() as i32);
+            let (sum, count) = cells.entry(cell).or_default();
+            *sum += place;
+            *count += 1.0;
+        }
+        cells.into_values().map(|(sum, n)| sum / n).collect()
+    };
+    let mut edge = extent(cloud) / (cloud.count as f64).sqrt();
+    for _ in 0..5 {
+        let made = means(edge).len() as f64;
+        edge *= (made / cloud.count as f64).sqrt();
+    }
+    means(edge)
+}
+
+/// The same measure for every method: cells on the patches of the scan, at the
+/// spacing that this number of points would have on the surface.
+fn judge(cloud: &Cloud, places: &[Local]) -> Outcome {
+    let spacing = hexagonal_spacing(cloud, places);
+    let options = Method::Ours.options(cloud, spacing);
+    let scan = scan(cloud, &options);
+    let sites = describe_places(&scan, &Domain::everything(), &options, places);
+    let positions: Vec<Local> = sites.iter().map(|site| site.position).collect();
+    let grid = NeighborGrid::new(&positions, spacing);
+    let mut tally = UniformityTally::new(spacing);
+    let mut accuracy = DistanceTally::new(spacing);
+    let mut coverage = DistanceTally::new(spacing);
+    let mut astray = 0;
+    for (index, site) in (0_u32..).zip(&sites) {
+        match grid.nearest(site.position, 8.0 * spacing, |other| other == index) {
+            Some((_, squared)) => tally.push_distance(squared.sqrt()),
+            None => tally.push_alone(),
+        }
+        if is_counted(site) {
+            tally.push_cell(CellFigures {
+                area: site.area,
+                energy: site.energy,
+                neighbors: site.neighbors,
+            });
+        }
+        let near = scan.nearest(site.position, 8.0 * spacing);
+        let to_scan = near.map_or(8.0 * spacing, |(_, distance)| distance);
+        accuracy.push(cloud.truth.as_ref().map_or(to_scan, |truth| {
+            let [x, y, z] = site.position.into();
+            let [a, b, c] = cloud.lattice.offset;
+            truth([x + a, y + b, z + c])
+        }));
+        astray += usize::from(to_scan > 0.5 * spacing && is_astray(&scan, site.position, to_scan));
+    }
+    for point in scan.representatives() {
+        let place = scan.lattice().local(point);
+        let near = grid.nearest(place, 8.0 * spacing, |_| false);
+        coverage.push(near.map_or(8.0 * spacing, |(_, squared)| squared.sqrt()));
+    }
+    let share = |of: fn(&Site) -> bool| {
+        sites.iter().filter(|site| of(site)).count() as f64 / sites.len() as f64
+    };
+    Outcome {
+        spacing,
+        seconds: 0.0,
+        figures: tally.figures(),
+        accuracy: accuracy.figures(),
+        coverage: coverage.figures(),
+        astray,
+        convergence: Vec::new(),
+        held: share(|site| site.is_held),
+        open: share(|site| !site.is_closed),
+    }
+}
+
+fn is_counted(site: &Site) -> bool {
+    site.is_closed && !site.is_held
+}
+
+/// Whether a place lies farther from the scan than the scan's own points lie
+/// from each other around it.
+fn is_astray(scan: &Scan, place: Local, distance: f64) -> bool {
+    let radius = 3.0 * distance;
+    let mut around = 0;
+    scan.samples().visit_around(place, radius, |index, sample| {
+        if (sample - place).norm() <= radius {
+            around += scan.count(index);
+        }
+    });
+    // So many points on a disc are this far apart.
+    distance > radius * (std::f64::consts::PI / f64::from(around.max(1))).sqrt()
+}
+
+/// The edge of a hexagonal lattice as dense as `places` lie on surfaces.
+fn hexagonal_spacing(cloud: &Cloud, places: &[Local]) -> f64 {
+    // Mean nearest distances are 0.55 (random) to 0.96 (even) of it: found from
+    // the area of cells, in two steps.
+    let extent = extent(cloud);
+    let grid = NeighborGrid::new(places, extent / (places.len() as f64).sqrt());
+    let every = places.len().div_ceil(20_000);
+    let near: Vec<f64> = (0..places.len())
+        .step_by(every)
+        .filter_map(|own| grid.nearest(places[own], extent, |other| other as usize == own))
+        .map(|(_, squared)| squared.sqrt())
+        .collect();
+    let mut spacing = 1.1 * near.iter().sum::<f64>() / near.len() as f64;
+    for _ in 0..2 {
+        let options = Method::Ours.options(cloud, spacing);
+        let scan = scan(cloud, &options);
+        let sites = describe_places(&scan, &Domain::everything(), &options, places);
+        let areas: Vec<f64> = sites
+            .iter()
+            .filter(|s| is_counted(s))
+            .map(|s| s.area)
+            .collect();
+        if areas.len() > 100 {
+            let mean = areas.iter().sum::<f64>() / areas.len() as f64;
+            spacing = (mean / AREA_PER_SEED).sqrt();
+        }
+    }
+    spacing
+}
