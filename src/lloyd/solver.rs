@@ -6,7 +6,7 @@ use super::{
     Acceleration, Restriction, Scan, SeedRule,
     acceleration::{Accelerator, Iterate, LINKS, NO_LINK},
     elect,
-    step::{Around, Fit, Neighborhoods, Scratch, local_patch},
+    step::{Around, Fit, Neighborhoods, Scratch, clearance, local_patch},
 };
 use crate::geometry::{Lattice, Local, OccupiedCells, PatchKind, Rect, Stored, cell_of};
 
@@ -330,7 +330,7 @@ impl<'a> Sites<'a> {
         by_block(
             &mut self.steps,
             &self.positions,
-            options.spacing,
+            options,
             matters,
             |step, around| step.advance(scan, options, cone, &was_exact, around),
         );
@@ -381,7 +381,7 @@ impl<'a> Sites<'a> {
         let mut sites = by_block(
             &mut self.steps,
             &self.positions,
-            options.spacing,
+            options,
             wanted,
             |step, mut around| {
                 step.fit_patch(scan, options, &mut around);
@@ -412,11 +412,12 @@ impl<'a> Sites<'a> {
 fn by_block<T: Send>(
     steps: &mut [Step],
     positions: &[Local],
-    spacing: f64,
+    options: &Options,
     wanted: impl Fn(usize) -> bool + Sync,
     work: impl Fn(&mut Step, Around<'_>) -> T + Sync,
 ) -> Vec<T> {
-    let neighborhoods = Neighborhoods::new(positions, 0.8 * spacing);
+    let neighborhoods = Neighborhoods::new(positions, 0.8 * options.spacing);
+    let clearance = clearance(options);
     steps
         .par_chunk_by_mut(|a, b| a.block == b.block)
         .map_init(Scratch::new, |scratch, block| {
@@ -425,7 +426,7 @@ fn by_block<T: Send>(
             if !sites.clone().any(&wanted) {
                 return Vec::new();
             }
-            scratch.surround(&neighborhoods, &positions[sites.clone()], spacing);
+            scratch.surround(&neighborhoods, &positions[sites.clone()], options.spacing);
             sites
                 .zip(block)
                 .filter(|&(site, _)| wanted(site))
@@ -433,7 +434,8 @@ fn by_block<T: Send>(
                     let around = Around {
                         site,
                         place: positions[site],
-                        spacing,
+                        spacing: options.spacing,
+                        clearance,
                         neighborhoods: &neighborhoods,
                         scratch,
                     };

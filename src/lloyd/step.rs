@@ -2,7 +2,7 @@
 
 use crate::geometry::{Cell, Local, Moments, Neighbor, NeighborGrid, Patch};
 
-use super::{Options, Scan};
+use super::{Options, Scan, SeedRule};
 
 /// Radius of a cell's domain, in spacings. Seeds cover surfaces at 0.745
 /// spacings, so no cell inside one reaches it.
@@ -20,6 +20,15 @@ const WORST_RESIDUAL: f64 = 0.15;
 /// are. On one surface cells see to it; two sides of a leaf do not know of each
 /// other, and have one patch.
 const CLEARANCE: f64 = 0.7;
+
+/// The clearance (CRS units) that holds for the sites of `options`. Seeds that
+/// were not elected start in clumps, which it would keep from spreading.
+pub(super) fn clearance(options: &Options) -> f64 {
+    match options.seeds {
+        SeedRule::Hexagonal | SeedRule::Poisson => CLEARANCE * options.spacing,
+        SeedRule::Area | SeedRule::Random => 0.0,
+    }
+}
 
 /// A rounder neighbourhood than this has a surface; a narrower is a wire.
 const LEAST_ROUNDNESS: f64 = 0.2;
@@ -184,6 +193,8 @@ pub(super) struct Around<'a> {
     pub(super) site: usize,
     pub(super) place: Local,
     pub(super) spacing: f64,
+    /// No step brings two sites nearer than this (CRS units).
+    pub(super) clearance: f64,
     pub(super) neighborhoods: &'a Neighborhoods,
     /// Its block is surrounded.
     pub(super) scratch: &'a mut Scratch,
@@ -237,19 +248,33 @@ impl Around<'_> {
         );
     }
 
-    /// The place nearest to `target` on the way there that keeps clear of every
-    /// neighbour's bisector by half the clearance. If all sites do, none come
-    /// nearer to each other than it.
+    /// As near to `target` as the site can go and keep clear of every neighbour's
+    /// bisector by half the clearance. If all sites do, none come nearer to each
+    /// other than it.
     pub(super) fn keeping_clear(&self, target: Local) -> Local {
-        let step = target - self.place;
+        let mut step = target - self.place;
         // Farther neighbours than are known here must not come near either.
-        let longest = 0.5 * (NEAR - CLEARANCE) * self.spacing;
-        let mut share = (longest / step.norm()).min(1.0);
-        for neighbor in &self.scratch.neighbors {
-            let distance = neighbor.distance_squared.sqrt();
-            let along = step.dot(&(neighbor.position - self.place)) / distance;
-            let room = self.room(distance);
-            if along > room {
+        let longest = 0.5 * (NEAR * self.spacing - self.clearance);
+        if step.norm_squared() > longest * longest {
+            step *= longest / step.norm();
+        }
+        // What leads too near to a neighbour is taken off the step, not the step
+        // off the site; where two are in the way it is shortened.
+        let neighbors = || {
+            let apart = |n: &&Neighbor| n.distance_squared > 0.0;
+            self.scratch.neighbors.iter().filter(apart).map(|neighbor| {
+                let distance = neighbor.distance_squared.sqrt();
+                let towards = (neighbor.position - self.place) / distance;
+                (towards, self.room(distance))
+            })
+        };
+        for (towards, room) in neighbors() {
+            step -= towards * (step.dot(&towards) - room).max(0.0);
+        }
+        let mut share = 1.0_f64;
+        for (towards, room) in neighbors() {
+            let along = step.dot(&towards);
+            if along > room + 1e-9 * self.spacing {
                 share = share.min(room / along);
             }
         }
@@ -265,7 +290,7 @@ impl Around<'_> {
 
     /// How far the site may go towards one at `distance`.
     fn room(&self, distance: f64) -> f64 {
-        0.5 * (distance - CLEARANCE * self.spacing).max(0.0)
+        0.5 * (distance - self.clearance).max(0.0)
     }
 
     /// Distance to the nearest other site, if one is near.
