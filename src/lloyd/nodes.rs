@@ -1,9 +1,9 @@
 //! Nodes of hexagonal lattices, for seeds to be elected at.
 //!
 //! The most even cover of a plane is a hexagonal lattice. So where the scan has
-//! a surface, those of its points are elected first that lie nearest to the
-//! nodes of a lattice in its plane. Where the surface bends, one lattice gives
-//! way to the next, and the election fills what is left between them.
+//! a surface, the nodes of a lattice in its plane, put on the patches, are
+//! elected first. Where the surface bends, one lattice gives way to the next, and
+//! points of the scan fill what is left between them.
 //!
 //! Lloyd's method alone never gets there: from random seeds it ends in small
 //! grains with defects all around, and every pair of defects takes hundreds of
@@ -18,8 +18,12 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
-use super::{Options, Scan, seeds::ROW};
-use crate::geometry::{CellIndex, Local, OccupiedCells, Patch, PatchKind, cell_of};
+use super::{
+    Options, Scan,
+    seeds::ROW,
+    step::{is_allowed, local_patch},
+};
+use crate::geometry::{CellIndex, Local, OccupiedCells, Patch, PatchKind, Stored, cell_of};
 
 /// A component of a normal, over the largest, is rounded to 0, ± this or ± 1.
 /// Finer, and a curved surface falls into more grains; coarser, and a lattice
@@ -45,7 +49,9 @@ const ROUNDNESS: f64 = 0.3;
 /// The lattices of a scan.
 pub(super) struct Nodes {
     spacing: f64,
+    /// The samples of the scan by cell.
     cells: OccupiedCells,
+    order: Vec<u32>,
     /// For each occupied cell the axes of its lattice, if it has one.
     axes: Vec<Option<[Local; 2]>>,
 }
@@ -90,24 +96,89 @@ impl Nodes {
         Self {
             spacing: options.spacing,
             cells,
+            order,
             axes,
         }
     }
 
-    /// Squared distance from `place` to the nearest node, in its lattice's
-    /// plane and in squared spacings: at most 1/3. `None` where there is no
-    /// lattice.
-    pub(super) fn distance_squared(&self, place: Local) -> Option<f64> {
-        let cell = self.cells.place(cell_of(place, CELL * self.spacing))?;
-        let [s, t] = self.axes[cell]?.map(|axis| axis.dot(&place) / self.spacing);
+    /// Whether there is a lattice, and so a surface, at `place`.
+    pub(super) fn have(&self, place: Local) -> bool {
+        let cell = self.cells.place(cell_of(place, CELL * self.spacing));
+        cell.is_some_and(|cell| self.axes[cell].is_some())
+    }
+
+    /// The nodes that the scan has a surface at, on its patches, each with its
+    /// distance to the sample that it was found from (in thousandths of a
+    /// spacing). A node may be found from more than one cell.
+    pub(super) fn places(&self, scan: &Scan, options: &Options) -> Vec<(u32, Stored)> {
+        let samples = scan.samples().points();
+        let ranges: Vec<_> = self.cells.ranges().zip(&self.axes).collect();
+        ranges
+            .into_par_iter()
+            .filter_map(|(range, axes)| Some((range, (*axes)?)))
+            .map_init(Vec::new, |near, (range, axes)| {
+                // Of the cell's samples the one nearest to each node.
+                let mut best: Vec<([i64; 2], f64, Local)> = Vec::new();
+                for &place in &self.order[range] {
+                    let sample = samples[place as usize];
+                    let (node, [along, across]) = self.nearest_node(sample, axes);
+                    let squared = along * along + across * across;
+                    match best.iter_mut().find(|(other, ..)| *other == node) {
+                        Some(known) if squared < known.1 => *known = (node, squared, sample),
+                        Some(_) => {}
+                        None => best.push((node, squared, sample)),
+                    }
+                }
+                best.into_iter()
+                    .filter_map(|(_, squared, sample)| {
+                        let place = self.on_patch(sample, axes, scan, options, near)?;
+                        Some(((squared.sqrt() * 1e3) as u32, scan.lattice().stored(place)?))
+                    })
+                    .collect::<Vec<_>>()
+            })
+            .flatten_iter()
+            .collect()
+    }
+
+    /// The node nearest to `place`, by row and column, and the way from it in
+    /// spacings, along the row and across.
+    fn nearest_node(&self, place: Local, axes: [Local; 2]) -> ([i64; 2], [f64; 2]) {
+        let [s, t] = axes.map(|axis| axis.dot(&place) / self.spacing);
         let below = (t / ROW).floor();
-        let to_node_of = |row: f64| {
+        let [lower, upper] = [below, below + 1.0].map(|row| {
             let shift = if row.rem_euclid(2.0) == 0.0 { 0.0 } else { 0.5 };
-            let along = (s - shift) - (s - shift).round();
-            let across = t - row * ROW;
-            along * along + across * across
+            let column = (s - shift).round();
+            let way = [s - shift - column, t - row * ROW];
+            ([row as i64, column as i64], way)
+        });
+        let squared = |[along, across]: [f64; 2]| along * along + across * across;
+        if squared(lower.1) <= squared(upper.1) {
+            lower
+        } else {
+            upper
+        }
+    }
+
+    /// The node nearest to `sample` on the patch of the scan there, if it has
+    /// one that the node is near to.
+    fn on_patch(
+        &self,
+        sample: Local,
+        axes: [Local; 2],
+        scan: &Scan,
+        options: &Options,
+        near: &mut Vec<Local>,
+    ) -> Option<Local> {
+        let to_node = |place: Local| {
+            let (_, [along, across]) = self.nearest_node(place, axes);
+            place - (axes[0] * along + axes[1] * across) * self.spacing
         };
-        Some(to_node_of(below).min(to_node_of(below + 1.0)))
+        let above = to_node(sample);
+        let fit = local_patch(scan, above, options, near)?;
+        // The patch may be tilted against the lattice: its foot is a little
+        // beside the node, and much less so the second time.
+        let place = fit.patch.foot_point(to_node(fit.patch.foot_point(above)));
+        (fit.is_trusted(options) && is_allowed(scan, &fit, place, options)).then_some(place)
     }
 }
 
@@ -137,7 +208,7 @@ fn axes(normal: Local) -> [Local; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Lattice, Stored};
+    use crate::geometry::Lattice;
 
     const LATTICE: Lattice = Lattice {
         scale: 0.001,
@@ -145,27 +216,35 @@ mod tests {
     };
 
     /// A plane through the origin that contains `u` and `v`, every 50 units.
-    fn plane(u: Local, v: Local) -> Nodes {
+    fn plane(u: Local, v: Local) -> (Nodes, Scan, Options) {
         let points: Vec<Stored> = (-60..60)
             .flat_map(|i| (-60..60).map(move |j| (f64::from(i), f64::from(j))))
             .filter_map(|(i, j)| LATTICE.stored(u * (0.05 * i) + v * (0.05 * j)))
             .collect();
         let options = Options::new(0.5);
         let scan = Scan::new(points, LATTICE, options.spacing, options.fit_radius, 0);
-        Nodes::new(&scan, &options)
+        (Nodes::new(&scan, &options), scan, options)
     }
 
     #[test]
     fn the_nodes_of_the_ground_are_those_of_the_hexagonal_lattice() {
-        let nodes = plane(Local::x(), Local::y());
-        for (i, j) in [(0, 0), (1, 0), (-2, 1), (3, -2), (0, 3)] {
-            let node = Local::new(f64::from(i) + 0.5 * f64::from(j), ROW * f64::from(j), 0.0) * 0.5;
-            let squared = nodes.distance_squared(node).unwrap();
-            assert!(squared < 1e-20, "{i} {j}: {squared}");
-            // In the middle of three nodes is the farthest place.
-            let corner = node + Local::new(0.5, ROW / 3.0, 0.0) * 0.5;
-            assert!((nodes.distance_squared(corner).unwrap() - 1.0 / 3.0).abs() < 1e-9);
+        let (nodes, scan, options) = plane(Local::x(), Local::y());
+        let mut places: Vec<Local> = nodes
+            .places(&scan, &options)
+            .into_iter()
+            .map(|(_, place)| LATTICE.local(place) / 0.5)
+            .filter(|place| place.norm() < 4.0)
+            .collect();
+        let mut count = 0;
+        for (i, j) in (-6..6).flat_map(|i| (-6..6).map(move |j| (f64::from(i), f64::from(j)))) {
+            let node = Local::new(i + 0.5 * j, ROW * j, 0.0);
+            let is_it = |place: &Local| (place - node).norm() < 0.005;
+            count += usize::from(places.iter().any(is_it));
+            places.retain(|place| !is_it(place));
         }
+        // As many as the disc has room for.
+        assert!((50..=64).contains(&count), "{count}");
+        assert!(places.is_empty(), "{places:?}");
     }
 
     #[test]
@@ -186,8 +265,9 @@ mod tests {
 
     #[test]
     fn there_is_no_lattice_where_nothing_is_or_where_it_is_no_surface() {
-        let nodes = plane(Local::x(), Local::z());
-        assert!(nodes.distance_squared(Local::new(0.0, 10.0, 0.0)).is_none());
+        let (nodes, ..) = plane(Local::x(), Local::z());
+        assert!(!nodes.have(Local::new(0.0, 10.0, 0.0)));
+        assert!(nodes.have(Local::zeros()));
         let wire: Vec<Stored> = (0..2000)
             .map(|x| Stored {
                 x: 5 * x,
@@ -198,6 +278,7 @@ mod tests {
         let options = Options::new(0.5);
         let scan = Scan::new(wire, LATTICE, 0.5, options.fit_radius, 0);
         let nodes = Nodes::new(&scan, &options);
-        assert!(nodes.distance_squared(Local::new(1.0, 0.0, 0.0)).is_none());
+        assert!(!nodes.have(Local::new(1.0, 0.0, 0.0)));
+        assert!(nodes.places(&scan, &options).is_empty());
     }
 }

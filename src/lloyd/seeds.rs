@@ -24,7 +24,7 @@ use super::{
     scan::priority,
     step::{Neighborhoods, Scratch, local_patch},
 };
-use crate::geometry::{Local, Rect, Stored, spread};
+use crate::geometry::{Local, NeighborGrid, Rect, Stored, spread};
 
 /// Radius of the Poisson-disk election, in spacings.
 ///
@@ -83,41 +83,69 @@ pub fn elect(scan: &Scan, options: &Options) -> Seeds {
 
 /// The seeds of an election, in no order.
 fn elected(scan: &Scan, options: &Options) -> Vec<Stored> {
-    let points = scan.points();
-    let ranks: Vec<u32> = if options.seeds == SeedRule::Poisson {
-        vec![0; points.len()]
-    } else {
-        let nodes = Nodes::new(scan, options);
-        let rank = |&point: &Stored| {
-            let squared = nodes.distance_squared(scan.lattice().local(point));
-            // To a thousandth of a spacing.
-            squared.map_or(ON_NO_SURFACE, |squared| (squared * 1e6) as u32)
-        };
-        points.par_iter().map(rank).collect()
-    };
-    election(scan, options, &ranks)
+    if options.seeds == SeedRule::Poisson {
+        let is_loose = vec![false; scan.points().len()];
+        return election(scan, options, Vec::new(), &is_loose);
+    }
+    let nodes = Nodes::new(scan, options);
+    let is_loose = |&point: &Stored| !nodes.have(scan.lattice().local(point));
+    let is_loose: Vec<bool> = scan.points().par_iter().map(is_loose).collect();
+    let first = elected_nodes(nodes.places(scan, options), scan, options);
+    election(scan, options, first, &is_loose)
 }
 
-/// The rank of a point that lies on no surface: it stands last.
-const ON_NO_SURFACE: u32 = u32::MAX;
+/// Of node places nearer to each other than seeds may be, which is so where one
+/// lattice ends and the next begins, those of lower rank.
+fn elected_nodes(mut places: Vec<(u32, Stored)>, scan: &Scan, options: &Options) -> Vec<Stored> {
+    let radius = ELECTION_RADIUS * options.spacing;
+    places.par_sort_unstable_by_key(|&(rank, place)| (rank, priority(place, options.seed), place));
+    let positions: Vec<Local> = places
+        .iter()
+        .map(|&(_, place)| scan.lattice().local(place))
+        .collect();
+    let grid = NeighborGrid::new(&positions, radius);
+    let mut is_covered = vec![false; places.len()];
+    let mut seeds = Vec::new();
+    for (number, &(_, place)) in places.iter().enumerate() {
+        if !is_covered[number] {
+            seeds.push(place);
+            let center = positions[number];
+            grid.visit_around(center, radius, |other, position| {
+                is_covered[other as usize] |= (position - center).norm_squared() < radius * radius;
+            });
+        }
+    }
+    seeds
+}
 
-/// The point of lowest rank is a seed, then the lowest of those that are not too
-/// near to it, and so on; a hash decides between equals.
-fn election(scan: &Scan, options: &Options, ranks: &[u32]) -> Vec<Stored> {
+/// To the seeds `first` come points of the scan, until every point is covered
+/// by one: that of highest priority, then the highest of those that are not too
+/// near to it, and so on.
+fn election(scan: &Scan, options: &Options, first: Vec<Stored>, is_loose: &[bool]) -> Vec<Stored> {
     let points = scan.points();
     let [narrow, loose] = [ELECTION_RADIUS, LOOSE_RADIUS].map(|r| r * options.spacing);
     let mut is_covered = vec![false; points.len()];
-    let mut seeds = Vec::new();
+    let cover = |seed: Stored, is_covered: &mut [bool]| {
+        scan.visit_within(scan.lattice().local(seed), loose, |other, squared| {
+            is_covered[other] |= is_loose[other] || squared < narrow * narrow;
+        });
+    };
+    let mut seeds = first;
+    for &seed in &seeds {
+        cover(seed, &mut is_covered);
+    }
     // In each round every voxel puts up one of its points that no seed covers.
     let mut open: Vec<Range<usize>> = scan.voxels().collect();
     loop {
-        let first = |voxel: &Range<usize>| {
+        let standing = |voxel: &Range<usize>| {
             let uncovered = voxel.clone().filter(|&place| !is_covered[place]);
-            let standing =
-                uncovered.map(|place| (ranks[place], priority(points[place], options.seed), place));
-            standing.min()
+            let ranked = uncovered.map(|place| {
+                let point = points[place];
+                (is_loose[place], priority(point, options.seed), place)
+            });
+            ranked.min()
         };
-        let mut candidates: Vec<_> = open.par_iter().filter_map(first).collect();
+        let mut candidates: Vec<_> = open.par_iter().filter_map(standing).collect();
         if candidates.is_empty() {
             return seeds;
         }
@@ -125,11 +153,7 @@ fn election(scan: &Scan, options: &Options, ranks: &[u32]) -> Vec<Stored> {
         for (.., place) in candidates {
             if !is_covered[place] {
                 seeds.push(points[place]);
-                let center = scan.lattice().local(points[place]);
-                scan.visit_within(center, loose, |other, distance_squared| {
-                    is_covered[other] |=
-                        ranks[other] == ON_NO_SURFACE || distance_squared < narrow * narrow;
-                });
+                cover(points[place], &mut is_covered);
             }
         }
         open.retain(|voxel| !is_covered[voxel.clone()].iter().all(|&c| c));

@@ -6,7 +6,7 @@ use super::{
     Acceleration, Restriction, Scan, SeedRule,
     acceleration::{Accelerator, Iterate, LINKS, NO_LINK},
     elect,
-    step::{Around, Fit, Neighborhoods, Scratch, clearance, local_patch},
+    step::{Around, Fit, Neighborhoods, Scratch, clearance, is_allowed, local_patch},
 };
 use crate::geometry::{Lattice, Local, OccupiedCells, PatchKind, Rect, Stored, cell_of};
 
@@ -545,16 +545,6 @@ fn is_known(place: Local, radius: f64, cone: &Cone<'_>, lattice: &Lattice) -> bo
     lattice.stored(place).is_some_and(|stored| {
         cone.domain.known.depth(stored) >= cone.seed_margin + lattice.units(radius)
     })
-}
-
-/// The boundary restriction (IV-E).
-fn is_allowed(scan: &Scan, fit: &Fit, place: Local, options: &Options) -> bool {
-    let threshold = options
-        .restriction
-        .threshold(fit.input_spacing, options.spacing);
-    // Not a number is nowhere near the scan.
-    place.iter().all(|c| c.is_finite())
-        && (threshold.is_infinite() || scan.has_point_within(place, threshold))
 }
 
 fn final_sums(

@@ -82,6 +82,16 @@ pub(super) fn local_patch(
     })
 }
 
+/// The boundary restriction (IV-E).
+pub(super) fn is_allowed(scan: &Scan, fit: &Fit, place: Local, options: &Options) -> bool {
+    let threshold = options
+        .restriction
+        .threshold(fit.input_spacing, options.spacing);
+    // Not a number is nowhere near the scan.
+    place.iter().all(|c| c.is_finite())
+        && (threshold.is_infinite() || scan.has_point_within(place, threshold))
+}
+
 /// The sites of one iteration, to be looked up around each.
 pub(super) struct Neighborhoods {
     grid: NeighborGrid,
