@@ -37,15 +37,7 @@ fn benches(criterion: &mut Criterion) {
         iterations: 1,
         ..Options::new(0.022)
     };
-    let scan = || {
-        Scan::new(
-            points.clone(),
-            LATTICE,
-            options.spacing,
-            options.fit_radius,
-            0,
-        )
-    };
+    let scan = || Scan::new(points.clone(), LATTICE, &options);
 
     let mut group = criterion.benchmark_group("tile");
     group.sample_size(10);

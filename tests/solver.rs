@@ -59,13 +59,7 @@ fn spacing(area: f64, n: f64) -> f64 {
 }
 
 fn run(points: Vec<Stored>, domain: &Domain, options: &Options) -> Solution {
-    let scan = Scan::new(
-        points,
-        LATTICE,
-        options.spacing,
-        options.fit_radius,
-        options.seed,
-    );
+    let scan = Scan::new(points, LATTICE, options);
     solve(&scan, domain, options)
 }
 

@@ -56,11 +56,15 @@ impl Method {
         if let Some(smooth) = cloud.smooth {
             options.fit_radius = smooth * spacing;
         }
+        if let Some(fill) = std::env::var("FILL").ok() {
+            options.fill = fill.parse::<f64>().unwrap() * spacing;
+        }
         match self {
             Self::Ours | Self::Random | Self::Voxel => {}
             Self::Plain => options.acceleration = Acceleration::None,
             Self::Paper => {
                 options.seeds = SeedRule::Area;
+                options.fill = 0.0;
                 options.acceleration = Acceleration::AndersonGlobal;
                 options.restriction = Restriction::Global(1.5 * mean_nearest(cloud));
                 options.seeds_per_point = cloud.count as f64 / cloud.points.len() as f64;
@@ -68,6 +72,7 @@ impl Method {
             Self::Poisson => {
                 options.seeds = SeedRule::Poisson;
                 options.iterations = 0;
+                options.fill = 0.0;
             }
         }
         options
@@ -79,13 +84,8 @@ impl Method {
 fn mean_nearest(cloud: &Cloud) -> f64 {
     let spread = 2000.0 / cloud.points.len() as f64;
     let extent = extent(cloud);
-    let scan = Scan::new(
-        cloud.points.clone(),
-        cloud.lattice,
-        extent / 500.0,
-        extent / 500.0,
-        0,
-    );
+    let options = Options::new(extent / 500.0);
+    let scan = Scan::without_filling(cloud.points.clone(), cloud.lattice, &options);
     let distances: Vec<f64> = scan.sampled_distances(spread, extent, |_| true).collect();
     distances.iter().sum::<f64>() / distances.len() as f64
 }
@@ -138,13 +138,7 @@ pub(crate) fn run(cloud: &Cloud, method: Method, spacing: f64) -> Outcome {
 }
 
 pub(crate) fn scan(cloud: &Cloud, options: &Options) -> Scan {
-    Scan::new(
-        cloud.points.clone(),
-        cloud.lattice,
-        options.spacing,
-        options.fit_radius,
-        options.seed,
-    )
+    Scan::new(cloud.points.clone(), cloud.lattice, options)
 }
 
 /// The spacing at which `method` makes the cloud's count.

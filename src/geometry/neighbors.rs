@@ -47,6 +47,14 @@ impl NeighborGrid {
     }
 
     /// Calls `visit` with the place in the input and the coordinates of every
+    /// point.
+    pub fn visit_all(&self, mut visit: impl FnMut(u32, Local)) {
+        for (&place, &point) in self.order.iter().zip(&self.points) {
+            visit(place, point);
+        }
+    }
+
+    /// Calls `visit` with the place in the input and the coordinates of every
     /// point of the cells that a ball touches: all points within `radius` of
     /// `center`, and some beyond.
     pub fn visit_around(&self, center: Local, radius: f64, visit: impl FnMut(u32, Local)) {

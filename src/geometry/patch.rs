@@ -59,6 +59,12 @@ pub enum PatchKind {
 
 /// With fewer neighbours six coefficients follow the noise: a plane is fitted.
 const MIN_QUADRATIC_SUPPORT: u32 = 9;
+/// A worse residual than this share of the smallest detail, and a patch does not
+/// describe its neighbourhood: leaves, clutter, two sheets.
+const WORST_RESIDUAL: f64 = 0.15;
+/// A rounder neighbourhood than this has a surface; a narrower is a wire.
+const LEAST_ROUNDNESS: f64 = 0.2;
+
 /// With fewer neighbours there is no plane to speak of.
 const MIN_SUPPORT: u32 = 4;
 
@@ -197,6 +203,13 @@ impl Patch {
             self.b = b * per_radius;
             self.c = c * per_radius;
         }
+    }
+
+    /// Whether the patch describes its neighbourhood well enough to stand for a
+    /// surface with details as small as `detail` (CRS units). Else it went
+    /// through leaves, clutter, two sheets or a wire.
+    pub fn describes(&self, detail: f64) -> bool {
+        self.residual <= WORST_RESIDUAL * detail && self.roundness >= LEAST_ROUNDNESS
     }
 
     /// `[u, v, w]` of `point` in the patch's frame.

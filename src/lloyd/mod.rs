@@ -19,6 +19,7 @@
 
 mod acceleration;
 mod anderson;
+mod filling;
 mod nodes;
 mod relaxation;
 mod restriction;
@@ -32,6 +33,6 @@ pub use restriction::Restriction;
 pub use scan::Scan;
 pub use seeds::{AREA_PER_SEED, ELECTION_RADIUS, SeedRule, Seeds, elect, elected_in};
 pub use solver::{
-    DistanceSums, Domain, FIT_RADIUS, Options, Site, Solution, describe_places, describe_points,
-    solve,
+    DistanceSums, Domain, FILL, FIT_RADIUS, Options, Site, Solution, describe_places,
+    describe_points, solve,
 };

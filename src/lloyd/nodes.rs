@@ -185,9 +185,7 @@ impl Nodes {
 /// The normal of the scan near `middle`, if it has a surface there. `near` is
 /// scratch.
 fn normal(scan: &Scan, middle: Local, radius: f64, near: &mut Vec<Local>) -> Option<Local> {
-    near.clear();
-    scan.samples()
-        .visit_around(middle, radius, |_, sample| near.push(sample));
+    scan.gather_samples(middle, radius, near);
     let patch = Patch::fit(middle, near, radius, PatchKind::Plane)?;
     (patch.residual <= FLATNESS * radius && patch.roundness >= ROUNDNESS).then(|| patch.normal())
 }
@@ -222,7 +220,7 @@ mod tests {
             .filter_map(|(i, j)| LATTICE.stored(u * (0.05 * i) + v * (0.05 * j)))
             .collect();
         let options = Options::new(0.5);
-        let scan = Scan::new(points, LATTICE, options.spacing, options.fit_radius, 0);
+        let scan = Scan::without_filling(points, LATTICE, &options);
         (Nodes::new(&scan, &options), scan, options)
     }
 
@@ -276,7 +274,7 @@ mod tests {
             })
             .collect();
         let options = Options::new(0.5);
-        let scan = Scan::new(wire, LATTICE, 0.5, options.fit_radius, 0);
+        let scan = Scan::without_filling(wire, LATTICE, &options);
         let nodes = Nodes::new(&scan, &options);
         assert!(!nodes.have(Local::new(1.0, 0.0, 0.0)));
         assert!(nodes.places(&scan, &options).is_empty());

@@ -12,11 +12,15 @@
 
 use std::ops::{ControlFlow, Range};
 
+use super::{Options, filling::filling};
 use crate::geometry::{Lattice, Local, NeighborGrid, OccupiedCells, Stored, cell_of, spread};
 
 /// Voxels to a spacing. Three give some forty samples to a patch of radius
 /// 1.2 spacings; more cost time and moved no figure.
 const VOXELS_PER_SPACING: f64 = 3.0;
+
+/// Edge of the cells in which samples are looked up, in fit radii.
+const SAMPLE_CELL: f64 = 0.4;
 
 /// The points of a tile, with their samples.
 #[derive(Debug)]
@@ -25,28 +29,48 @@ pub struct Scan {
     voxel: f64,
     points: Vec<Stored>,
     voxels: OccupiedCells,
+    /// Places on the surface where it was not scanned, one to a voxel without a
+    /// point.
+    filling: Vec<Stored>,
+    filled: OccupiedCells,
     samples: NeighborGrid,
-    /// Points in the voxel of each sample, in the order of the voxels.
+    /// Points in the voxel of each sample, in the order of the voxels; none for
+    /// the filling.
     counts: Vec<u32>,
 }
 
 impl Scan {
-    /// Sorts `points` by voxel and takes the samples, for a target `spacing`
-    /// and patches of radius `fit_radius` (both in CRS units).
+    /// Sorts `points` by voxel, takes the samples, and closes the holes, for what
+    /// `options` ask for.
     ///
     /// Within a voxel points are sorted by priority: a hash of their
-    /// coordinates and `seed`.
+    /// coordinates and the seed.
     ///
     /// # Panics
     ///
-    /// Unless both lengths are positive; and as [`OccupiedCells::sort`].
-    pub fn new(
-        mut points: Vec<Stored>,
-        lattice: Lattice,
-        spacing: f64,
-        fit_radius: f64,
-        seed: u64,
-    ) -> Self {
+    /// Unless spacing and fit radius are positive; and as
+    /// [`OccupiedCells::sort`].
+    pub fn new(points: Vec<Stored>, lattice: Lattice, options: &Options) -> Self {
+        let mut scan = Self::without_filling(points, lattice, options);
+        let filling = filling(&scan, options);
+        if !filling.is_empty() {
+            scan.fill(filling, options);
+        }
+        scan
+    }
+
+    /// The same, with the holes left open.
+    ///
+    /// # Panics
+    ///
+    /// As [`new`](Self::new).
+    pub fn without_filling(mut points: Vec<Stored>, lattice: Lattice, options: &Options) -> Self {
+        let Options {
+            spacing,
+            fit_radius,
+            seed,
+            ..
+        } = *options;
         assert!(
             spacing > 0.0 && fit_radius > 0.0,
             "a spacing of {spacing}, a fit radius of {fit_radius}"
@@ -83,9 +107,38 @@ impl Scan {
             voxel,
             points,
             voxels,
-            samples: NeighborGrid::new(&means, 0.4 * fit_radius),
+            filling: Vec::new(),
+            filled: OccupiedCells::sort(std::iter::empty(), |_| ()).0,
+            samples: NeighborGrid::new(&means, SAMPLE_CELL * fit_radius),
             counts,
         }
+    }
+
+    /// Adds `filling`, of places in one voxel the smallest.
+    fn fill(&mut self, mut filling: Vec<Stored>, options: &Options) {
+        let voxel_of = |place: Stored| cell_of(self.lattice.local(place), self.voxel);
+        filling.sort_unstable_by_key(|&place| (voxel_of(place), place));
+        filling.dedup_by_key(|place| voxel_of(*place));
+        let (filled, order) =
+            OccupiedCells::sort(filling.iter().map(|&place| voxel_of(place)), |_| ());
+        let mut means = vec![Local::zeros(); self.counts.len()];
+        self.samples
+            .visit_all(|sample, place| means[sample as usize] = place);
+        self.filling = order.iter().map(|&i| filling[i as usize]).collect();
+        means.extend(self.filling.iter().map(|&place| self.lattice.local(place)));
+        self.counts.resize(means.len(), 0);
+        self.samples = NeighborGrid::new(&means, SAMPLE_CELL * options.fit_radius);
+        self.filled = filled;
+    }
+
+    /// The places that close the holes of the scan.
+    pub fn filling(&self) -> &[Stored] {
+        &self.filling
+    }
+
+    /// Whether there is a point in the voxel of `place`.
+    pub(super) fn is_occupied(&self, place: Local) -> bool {
+        self.voxels.place(cell_of(place, self.voxel)).is_some()
     }
 
     /// The points, sorted by voxel.
@@ -109,29 +162,48 @@ impl Scan {
         &self.samples
     }
 
+    /// Fills `near` with the samples nearer to `center` than `radius` (CRS units).
+    pub(super) fn gather_samples(&self, center: Local, radius: f64, near: &mut Vec<Local>) {
+        near.clear();
+        self.samples.visit_around(center, radius, |_, sample| {
+            if (sample - center).norm_squared() < radius * radius {
+                near.push(sample);
+            }
+        });
+    }
+
     /// How many points sample `index` stands for.
     pub fn count(&self, index: u32) -> u32 {
         self.counts[index as usize]
     }
 
-    /// Whether a point of the scan lies within `radius` (CRS units) of
-    /// `place`.
+    /// Whether a point of the scan, or of what closes its holes, lies within
+    /// `radius` (CRS units) of `place`.
     pub fn has_point_within(&self, place: Local, radius: f64) -> bool {
         let radius_squared = radius * radius;
-        let is_near = |p: usize| (self.local(p) - place).norm_squared() <= radius_squared;
+        let is_near =
+            |p: &Stored| (self.lattice.local(*p) - place).norm_squared() <= radius_squared;
         // The voxel of the place itself answers nearly always.
-        let mut home = self.voxels.range(cell_of(place, self.voxel));
-        if home.any(is_near) {
+        let home = self.voxels.range(cell_of(place, self.voxel));
+        if self.points[home].iter().any(is_near) {
             return true;
         }
-        let search = self.voxels_around(place, radius, |mut range| {
-            if range.any(is_near) {
-                ControlFlow::Break(())
-            } else {
-                ControlFlow::Continue(())
-            }
-        });
-        search.is_break()
+        let reach = Local::repeat(radius);
+        let (low, high) = (
+            cell_of(place - reach, self.voxel),
+            cell_of(place + reach, self.voxel),
+        );
+        let layers = [(&self.voxels, &self.points), (&self.filled, &self.filling)];
+        layers.into_iter().any(|(voxels, points)| {
+            let search = voxels.visit_box(low, high, |voxel| {
+                if points[voxels.points_of(voxel)].iter().any(is_near) {
+                    ControlFlow::Break(())
+                } else {
+                    ControlFlow::Continue(())
+                }
+            });
+            search.is_break()
+        })
     }
 
     /// The point of the scan nearest to `place` within `radius` (CRS units)
@@ -151,6 +223,30 @@ impl Scan {
         let _ = self.voxels_around(center, radius, |range| {
             for place in range {
                 let distance_squared = (self.local(place) - center).norm_squared();
+                if distance_squared < radius * radius {
+                    visit(place, distance_squared);
+                }
+            }
+            ControlFlow::<()>::Continue(())
+        });
+    }
+
+    /// The same for the filling.
+    pub(super) fn visit_filling_within(
+        &self,
+        center: Local,
+        radius: f64,
+        mut visit: impl FnMut(usize, f64),
+    ) {
+        let reach = Local::repeat(radius);
+        let (low, high) = (
+            cell_of(center - reach, self.voxel),
+            cell_of(center + reach, self.voxel),
+        );
+        let _ = self.filled.visit_box(low, high, |voxel| {
+            for place in self.filled.points_of(voxel) {
+                let local = self.lattice.local(self.filling[place]);
+                let distance_squared = (local - center).norm_squared();
                 if distance_squared < radius * radius {
                     visit(place, distance_squared);
                 }
@@ -255,7 +351,11 @@ mod tests {
             scale: 0.001,
             offset: [0.0; 3],
         };
-        Scan::new(points, lattice, 0.3, 0.36, 1)
+        let options = Options {
+            seed: 1,
+            ..Options::new(0.3)
+        };
+        Scan::without_filling(points, lattice, &options)
     }
 
     fn cloud(n: u64) -> Vec<Stored> {

@@ -147,7 +147,7 @@ fn election(scan: &Scan, options: &Options, first: Vec<Stored>, is_loose: &[bool
         };
         let mut candidates: Vec<_> = open.par_iter().filter_map(standing).collect();
         if candidates.is_empty() {
-            return seeds;
+            break;
         }
         candidates.par_sort_unstable();
         for (.., place) in candidates {
@@ -157,6 +157,30 @@ fn election(scan: &Scan, options: &Options, first: Vec<Stored>, is_loose: &[bool
             }
         }
         open.retain(|voxel| !is_covered[voxel.clone()].iter().all(|&c| c));
+    }
+    elect_from_filling(scan, options, &mut seeds);
+    seeds
+}
+
+/// What no seed covers of the filling, by priority.
+fn elect_from_filling(scan: &Scan, options: &Options, seeds: &mut Vec<Stored>) {
+    let filling = scan.filling();
+    let mut is_covered = vec![false; filling.len()];
+    let radius = ELECTION_RADIUS * options.spacing;
+    let cover = |seed: Stored, is_covered: &mut [bool]| {
+        let center = scan.lattice().local(seed);
+        scan.visit_filling_within(center, radius, |other, _| is_covered[other] = true);
+    };
+    for &seed in &*seeds {
+        cover(seed, &mut is_covered);
+    }
+    let mut left: Vec<usize> = (0..filling.len()).filter(|&i| !is_covered[i]).collect();
+    left.sort_unstable_by_key(|&i| (priority(filling[i], options.seed), filling[i]));
+    for place in left {
+        if !is_covered[place] {
+            seeds.push(filling[place]);
+            cover(filling[place], &mut is_covered);
+        }
     }
 }
 
@@ -271,7 +295,11 @@ mod tests {
             scale: 1e-6,
             offset: [0.0; 3],
         };
-        Scan::new(points, lattice, spacing, 1.2 * spacing, 7)
+        let options = Options {
+            seed: 7,
+            ..Options::new(spacing)
+        };
+        Scan::without_filling(points, lattice, &options)
     }
 
     #[test]

@@ -18,6 +18,8 @@ pub struct Options {
     /// Reach of a patch: the scale of the details kept, and of the noise
     /// smoothed away.
     pub fit_radius: f64,
+    /// The widest hole to close; 0 for none.
+    pub fill: f64,
     /// The paper's K: 20.
     pub iterations: u32,
     /// Where sites start.
@@ -37,12 +39,16 @@ pub struct Options {
 /// Reach of a patch, in spacings, unless told otherwise.
 pub const FIT_RADIUS: f64 = 1.2;
 
+/// The widest hole that is closed, in spacings, unless told otherwise.
+pub const FILL: f64 = 4.0;
+
 impl Options {
     /// The defaults, at `spacing` (CRS units).
     pub fn new(spacing: f64) -> Self {
         Self {
             spacing,
             fit_radius: FIT_RADIUS * spacing,
+            fill: FILL * spacing,
             iterations: 20,
             seeds: SeedRule::default(),
             seeds_per_point: 0.0,
@@ -60,18 +66,21 @@ impl Options {
         1.25 * self.spacing
     }
 
+    /// Seeds this deep inside what is known (CRS units) are taken to be elected
+    /// everywhere alike.
+    fn seed_margin(&self) -> f64 {
+        SEED_MARGIN * self.spacing + self.fit_radius + 2.0 * self.fill
+    }
+
     /// The halo (CRS units) with which tiles agree on what they share: so many
     /// iterations' reach, and what the election and the fit see.
     pub fn halo(&self) -> f64 {
-        f64::from(self.iterations) * self.reach_of_an_iteration()
-            + self.fit_radius
-            + SEED_MARGIN * self.spacing
+        f64::from(self.iterations) * self.reach_of_an_iteration() + self.seed_margin()
     }
 }
 
 /// The election's chains, and what the normals of its lattices look at, are
-/// shorter than this, in spacings: seeds this deep inside what is known are
-/// taken to be elected everywhere alike.
+/// shorter than this, in spacings.
 const SEED_MARGIN: f64 = 8.0;
 
 /// What part of the plane is known, and what part is asked for.
@@ -529,7 +538,7 @@ impl<'a> Cone<'a> {
             // Half as much again as influence is taken to travel: what is
             // exact must not be lost to the cone.
             reach: 1.6 * options.reach_of_an_iteration() / lattice.scale,
-            seed_margin: lattice.units(SEED_MARGIN * options.spacing + options.fit_radius),
+            seed_margin: lattice.units(options.seed_margin()),
         }
     }
 

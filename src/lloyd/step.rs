@@ -12,10 +12,6 @@ pub(super) const DOMAIN_RADIUS: f64 = 1.0;
 /// fitted, in spacings: the fit's weights fall off over 1.2.
 const PATCH_SKIN: f64 = 0.1;
 
-/// A worse residual than this share of a spacing, and the patch does not
-/// describe its neighbourhood: leaves, clutter, two sheets.
-const WORST_RESIDUAL: f64 = 0.15;
-
 /// No step brings two sites nearer than this, in spacings, or nearer than they
 /// are. On one surface cells see to it; two sides of a leaf do not know of each
 /// other, and have one patch.
@@ -29,9 +25,6 @@ pub(super) fn clearance(options: &Options) -> f64 {
         SeedRule::Area | SeedRule::Random => 0.0,
     }
 }
-
-/// A rounder neighbourhood than this has a surface; a narrower is a wire.
-const LEAST_ROUNDNESS: f64 = 0.2;
 
 /// A patch and what the fit saw.
 #[derive(Clone, Copy, Debug)]
@@ -52,8 +45,8 @@ impl Fit {
 
     /// Whether the patch describes its neighbourhood well enough to move by.
     pub(super) fn is_trusted(&self, options: &Options) -> bool {
-        self.patch.residual <= WORST_RESIDUAL * options.fit_radius.max(options.spacing)
-            && self.patch.roundness >= LEAST_ROUNDNESS
+        self.patch
+            .describes(options.fit_radius.max(options.spacing))
     }
 }
 

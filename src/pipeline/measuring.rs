@@ -337,7 +337,7 @@ fn measure_in(files: &[(Mark, File)], dir: &Path, budget: &Budget) -> Result<Mea
                 }
             }
         }
-        let scan = Scan::new(cloud, lattice, spacing, options.fit_radius, 0);
+        let scan = Scan::without_filling(cloud, lattice, &options);
         let domain = Domain {
             known,
             core: tile.core,

@@ -75,13 +75,7 @@ pub(super) fn load(
     let mut points: Vec<Stored> =
         Vec::with_capacity(usize::try_from(tile.points_seen).unwrap_or(0));
     spill.gather(&known, |record| points.push(Stored::of_record(record)))?;
-    let scan = Scan::new(
-        points,
-        lattice,
-        options.spacing,
-        options.fit_radius,
-        options.seed,
-    );
+    let scan = Scan::new(points, lattice, options);
     Ok(Loaded { tile, known, scan })
 }
 

@@ -136,7 +136,7 @@ fn seeds(
         spill.gather(&tile.core.grown(parts.halo), |record| {
             points.push(Stored::of_record(record));
         })?;
-        let scan = Scan::new(points, *lattice, spacing, options.fit_radius, options.seed);
+        let scan = Scan::new(points, *lattice, &options);
         elected += elected_in(&scan, &options, &tile.core);
         sampled += tile.points_core;
     }
