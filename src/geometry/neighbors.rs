@@ -62,6 +62,16 @@ impl NeighborGrid {
         self.visit_box(center - reach, center + reach, visit);
     }
 
+    /// Fills `near` with the points nearer to `center` than `radius` (CRS units).
+    pub fn gather(&self, center: Local, radius: f64, near: &mut Vec<Local>) {
+        near.clear();
+        self.visit_around(center, radius, |_, point| {
+            if (point - center).norm_squared() < radius * radius {
+                near.push(point);
+            }
+        });
+    }
+
     /// The same for the cells that the box from `low` to `high` touches.
     pub fn visit_box(&self, low: Local, high: Local, mut visit: impl FnMut(u32, Local)) {
         let visit_all = |cell: usize| {

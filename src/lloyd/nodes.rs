@@ -185,7 +185,7 @@ impl Nodes {
 /// The normal of the scan near `middle`, if it has a surface there. `near` is
 /// scratch.
 fn normal(scan: &Scan, middle: Local, radius: f64, near: &mut Vec<Local>) -> Option<Local> {
-    scan.gather_samples(middle, radius, near);
+    scan.samples().gather(middle, radius, near);
     let patch = Patch::fit(middle, near, radius, PatchKind::Plane)?;
     (patch.residual <= FLATNESS * radius && patch.roundness >= ROUNDNESS).then(|| patch.normal())
 }

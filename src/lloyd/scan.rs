@@ -162,16 +162,6 @@ impl Scan {
         &self.samples
     }
 
-    /// Fills `near` with the samples nearer to `center` than `radius` (CRS units).
-    pub(super) fn gather_samples(&self, center: Local, radius: f64, near: &mut Vec<Local>) {
-        near.clear();
-        self.samples.visit_around(center, radius, |_, sample| {
-            if (sample - center).norm_squared() < radius * radius {
-                near.push(sample);
-            }
-        });
-    }
-
     /// How many points sample `index` stands for.
     pub fn count(&self, index: u32) -> u32 {
         self.counts[index as usize]

@@ -138,10 +138,12 @@ fn election(scan: &Scan, options: &Options, first: Vec<Stored>, is_loose: &[bool
     let mut open: Vec<Range<usize>> = scan.voxels().collect();
     loop {
         let standing = |voxel: &Range<usize>| {
-            let uncovered = voxel.clone().filter(|&place| !is_covered[place]);
+            let uncovered = voxel
+                .clone()
+                .filter(|&place| !is_covered[place] && !is_loose[place]);
             let ranked = uncovered.map(|place| {
                 let point = points[place];
-                (is_loose[place], priority(point, options.seed), place)
+                (priority(point, options.seed), place)
             });
             ranked.min()
         };
@@ -157,6 +159,72 @@ fn election(scan: &Scan, options: &Options, first: Vec<Stored>, is_loose: &[bool
             }
         }
         open.retain(|voxel| !is_covered[voxel.clone()].iter().all(|&c| c));
+    }
+    // Loose points: fronts.
+    let get = |k: &str, d: f64| {
+        std::env::var(k)
+            .ok()
+            .map_or(d, |v| v.parse::<f64>().unwrap())
+    };
+    let (eps, nuc, rounds) = (
+        get("EPS", 0.1) * options.spacing,
+        get("NUC", 2.5) * options.spacing,
+        get("ROUNDS", 3.0) as usize,
+    );
+    let far = (loose + eps).max(nuc);
+    let mut left: Vec<usize> = (0..points.len())
+        .filter(|&p| is_loose[p] && !is_covered[p])
+        .collect();
+    let mut distance = vec![f64::INFINITY; points.len()];
+    let update = |seed: Stored, is_covered: &mut [bool], distance: &mut [f64]| {
+        scan.visit_within(scan.lattice().local(seed), far, |other, squared| {
+            if is_loose[other] {
+                distance[other] = distance[other].min(squared);
+                is_covered[other] |= squared < loose * loose;
+            }
+        });
+    };
+    if !left.is_empty() {
+        for &seed in &seeds {
+            update(seed, &mut is_covered, &mut distance);
+        }
+    }
+    // Nuclei.
+    let mut order: Vec<(u64, usize)> = left
+        .iter()
+        .map(|&p| (priority(points[p], options.seed), p))
+        .collect();
+    order.par_sort_unstable();
+    for &(_, p) in &order {
+        if distance[p] >= nuc * nuc {
+            seeds.push(points[p]);
+            update(points[p], &mut is_covered, &mut distance);
+        }
+    }
+    for round in 0.. {
+        left.retain(|&p| !is_covered[p]);
+        if left.is_empty() {
+            break;
+        }
+        let limit = if round < rounds {
+            (loose + eps).powi(2)
+        } else if round < 2 * rounds {
+            (loose + 2.0 * eps).powi(2)
+        } else {
+            f64::INFINITY
+        };
+        let mut order: Vec<(u64, usize)> = left
+            .iter()
+            .filter(|&&p| distance[p] <= limit)
+            .map(|&p| (priority(points[p], options.seed), p))
+            .collect();
+        order.par_sort_unstable();
+        for (_, p) in order {
+            if !is_covered[p] {
+                seeds.push(points[p]);
+                update(points[p], &mut is_covered, &mut distance);
+            }
+        }
     }
     elect_from_filling(scan, options, &mut seeds);
     seeds
