@@ -25,7 +25,11 @@
 use super::{Local, Patch};
 
 /// Sides of the domain before anything is cut off.
-const DOMAIN_SIDES: usize = 12;
+pub const DOMAIN_SIDES: usize = 12;
+
+/// How far a domain reaches from the site towards each of its corners (CRS
+/// units).
+pub type Reach = [f64; DOMAIN_SIDES];
 /// Every cut adds at most one corner; a cell with more sides is not met before
 /// the neighbours that could make it run out.
 const MAX_CORNERS: usize = 40;
@@ -93,18 +97,19 @@ impl Cell {
         }
     }
 
-    /// Computes the cell of `site` on `patch`, within `radius` (CRS units).
+    /// Computes the cell of `site` on `patch`, within the domain of `reach`.
     ///
     /// `neighbors` must hold every other site within twice the distance to the
     /// farthest corner of the lifted domain, and be sorted by distance.
-    pub fn clip(&mut self, patch: &Patch, site: Local, radius: f64, neighbors: &[Neighbor]) {
+    pub fn clip(&mut self, patch: &Patch, site: Local, reach: &Reach, neighbors: &[Neighbor]) {
         let [site_u, site_v, site_w] = patch.coordinates(site);
         let lift = |u, v| Local::new(u, v, patch.height(site_u + u, site_v + v) - site_w);
         self.current = 0;
         self.count = DOMAIN_SIDES;
-        for (corner, &[cos, sin]) in self.polygons[0].iter_mut().zip(&domain()) {
+        let corners = domain_corners().into_iter().zip(reach);
+        for (corner, ([cos, sin], reach)) in self.polygons[0].iter_mut().zip(corners) {
             *corner = Corner {
-                position: lift(radius * cos, radius * sin),
+                position: lift(reach * cos, reach * sin),
                 edge: RIM,
             };
         }
@@ -272,8 +277,8 @@ impl Cell {
     }
 }
 
-/// Directions to the corners of the domain.
-fn domain() -> [[f64; 2]; DOMAIN_SIDES] {
+/// Directions to the corners of a domain, as `[u, v]` in the frame of the patch.
+pub fn domain_corners() -> [[f64; 2]; DOMAIN_SIDES] {
     // cos and sin of multiples of 30°, written out: the same bits on every
     // machine, whatever its mathematics library.
     const S: f64 = 0.866_025_403_784_438_6;
@@ -338,7 +343,12 @@ mod tests {
     fn the_cell_of_a_hexagonal_lattice_is_the_regular_hexagon() {
         let (patch, site) = (flat(), Local::zeros());
         let mut cell = Cell::new();
-        cell.clip(&patch, site, 1.0, &sorted(site, &hexagonal(4)));
+        cell.clip(
+            &patch,
+            site,
+            &[1.0; DOMAIN_SIDES],
+            &sorted(site, &hexagonal(4)),
+        );
         let moments = cell.moments(&patch, site).unwrap();
         let area = 0.75_f64.sqrt();
         assert!(cell.is_closed());
@@ -354,8 +364,18 @@ mod tests {
     fn sites_beyond_the_security_radius_change_nothing() {
         let (patch, site) = (flat(), Local::zeros());
         let (mut near, mut far) = (Cell::new(), Cell::new());
-        near.clip(&patch, site, 1.0, &sorted(site, &hexagonal(1)));
-        far.clip(&patch, site, 1.0, &sorted(site, &hexagonal(6)));
+        near.clip(
+            &patch,
+            site,
+            &[1.0; DOMAIN_SIDES],
+            &sorted(site, &hexagonal(1)),
+        );
+        far.clip(
+            &patch,
+            site,
+            &[1.0; DOMAIN_SIDES],
+            &sorted(site, &hexagonal(6)),
+        );
         assert_eq!(near.moments(&patch, site), far.moments(&patch, site));
         assert!(far.security_squared() < 1.4);
     }
@@ -364,7 +384,7 @@ mod tests {
     fn a_lonely_site_keeps_its_domain_open() {
         let (patch, site) = (flat(), Local::zeros());
         let mut cell = Cell::new();
-        cell.clip(&patch, site, 1.0, &[]);
+        cell.clip(&patch, site, &[1.0; DOMAIN_SIDES], &[]);
         let moments = cell.moments(&patch, site).unwrap();
         assert!(!cell.is_closed());
         // The regular dodecagon of circumradius 1 has area 3.
@@ -377,7 +397,7 @@ mod tests {
         let mut sites = hexagonal(3);
         sites.push(site);
         let mut cell = Cell::new();
-        cell.clip(&patch, site, 1.0, &sorted(site, &sites));
+        cell.clip(&patch, site, &[1.0; DOMAIN_SIDES], &sorted(site, &sites));
         assert!(cell.moments(&patch, site).unwrap().area > 0.8);
     }
 
@@ -394,7 +414,7 @@ mod tests {
             })
             .collect();
         let mut cell = Cell::new();
-        cell.clip(&patch, site, 1.2, &sorted(site, &others));
+        cell.clip(&patch, site, &[1.2; DOMAIN_SIDES], &sorted(site, &others));
         let moments = cell.moments(&patch, site).unwrap();
 
         let (mut area, mut centroid) = (0.0, Local::zeros());

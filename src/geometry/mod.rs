@@ -6,7 +6,7 @@ mod neighbors;
 mod occupied;
 mod patch;
 
-pub use cell::{Cell, Moments, Neighbor};
+pub use cell::{Cell, DOMAIN_SIDES, Moments, Neighbor, Reach, domain_corners};
 pub use coordinates::{Lattice, Local, Rect, Stored};
 pub use neighbors::NeighborGrid;
 pub use occupied::{CellIndex, OccupiedCells, cell_of};

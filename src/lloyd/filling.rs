@@ -22,7 +22,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::{Options, Scan};
+use super::{Options, Scan, step::THICKNESS};
 use crate::geometry::{Local, NeighborGrid, OccupiedCells, Patch, PatchKind, Stored, cell_of};
 
 /// Distance between places of the filling, in spacings: a patch then finds as
@@ -43,10 +43,6 @@ const LOOK: f64 = 1.5;
 
 /// Reach of the patch across a gap, in widths of the widest.
 const REACH: f64 = 0.8;
-
-/// Farthest from the patch, in spacings, that a sample may lie and still be of
-/// its surface.
-const THICKNESS: f64 = 0.25;
 
 /// Places on the surfaces of `scan` that close its holes up to the width that
 /// `options` ask for.

@@ -24,7 +24,7 @@ use super::{
     scan::priority,
     step::{Neighborhoods, Scratch, local_patch},
 };
-use crate::geometry::{Local, NeighborGrid, Rect, Stored, spread};
+use crate::geometry::{DOMAIN_SIDES, Local, NeighborGrid, Rect, Stored, spread};
 
 /// Radius of the Poisson-disk election, in spacings.
 ///
@@ -303,7 +303,7 @@ fn area_weighted(scan: &Scan, options: &Options) -> Seeds {
                 cell, neighbors, ..
             } = scratch;
             neighborhoods.gather(site, own, 2.5 * radius, neighbors);
-            cell.clip(&fit.patch, site, radius, neighbors);
+            cell.clip(&fit.patch, site, &[radius; DOMAIN_SIDES], neighbors);
             let Some(moments) = cell.moments(&fit.patch, site) else {
                 return Vec::new();
             };

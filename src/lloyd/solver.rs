@@ -397,7 +397,7 @@ impl<'a> Sites<'a> {
                 let moments = step
                     .fit
                     .as_ref()
-                    .and_then(|fit| around.restricted_cell(fit));
+                    .and_then(|fit| around.restricted_cell(fit, scan, options));
                 let cell = &around.scratch.cell;
                 Site {
                     identity: identities[around.site],
@@ -492,7 +492,7 @@ impl Step {
             return;
         };
         // III-C: the cell.
-        let moments = around.restricted_cell(fit);
+        let moments = around.restricted_cell(fit, scan, options);
         self.nearest = around.scratch.nearest();
         let Scratch {
             cell, neighbors, ..

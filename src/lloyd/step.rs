@@ -1,6 +1,8 @@
 //! One Lloyd step of one site: its patch, its neighbours, its cell.
 
-use crate::geometry::{Cell, Local, Moments, Neighbor, NeighborGrid, Patch};
+use crate::geometry::{
+    Cell, DOMAIN_SIDES, Local, Moments, Neighbor, NeighborGrid, Patch, Reach, domain_corners,
+};
 
 use super::{Options, Scan, SeedRule};
 
@@ -26,6 +28,13 @@ pub(super) fn clearance(options: &Options) -> f64 {
     }
 }
 
+/// Farthest from a patch, in spacings, that a sample of its surface lies.
+pub(super) const THICKNESS: f64 = 0.25;
+
+/// A sample lies towards a corner of the domain if the cosine between them is
+/// at least this: up to 26°.
+const WITHIN: f64 = 0.9;
+
 /// A patch and what the fit saw.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fit {
@@ -41,6 +50,38 @@ impl Fit {
     pub(super) fn serves(&self, site: Local, spacing: f64) -> bool {
         let skin = PATCH_SKIN * spacing;
         (site - self.anchor).norm_squared() <= skin * skin
+    }
+
+    /// How far the scan reaches around `site` on the patch, at most as far as the
+    /// domain. `samples` is scratch.
+    fn scanned(
+        &self,
+        site: Local,
+        scan: &Scan,
+        options: &Options,
+        samples: &mut Vec<Local>,
+    ) -> Reach {
+        let spacing = options.spacing;
+        scan.samples().gather(site, options.fit_radius, samples);
+        let mut reach = [0.0_f64; DOMAIN_SIDES];
+        let [u, v, _] = self.patch.coordinates(site);
+        for &sample in &*samples {
+            let [s, t, height] = self.patch.coordinates(sample);
+            if (height - self.patch.height(s, t)).abs() > THICKNESS * spacing {
+                continue;
+            }
+            let way = [s - u, t - v];
+            let distance = way[0].hypot(way[1]);
+            for (reach, corner) in reach.iter_mut().zip(domain_corners()) {
+                let along = way[0] * corner[0] + way[1] * corner[1];
+                if along >= WITHIN * distance {
+                    *reach = reach.max(along);
+                }
+            }
+        }
+        // A sample stands for what is around it.
+        let margin = (0.5 * self.input_spacing).max(0.42 * spacing);
+        reach.map(|reach| (reach + margin).min(DOMAIN_RADIUS * spacing))
     }
 
     /// Whether the patch describes its neighbourhood well enough to move by.
@@ -205,23 +246,34 @@ pub(super) struct Around<'a> {
 
 impl Around<'_> {
     /// Clips the cell of the site on the patch of `fit`, looking as far as it
-    /// takes; its moments, if anything is left of it.
-    pub(super) fn restricted_cell(&mut self, fit: &Fit) -> Option<Moments> {
+    /// takes; its moments, if anything is left of it. A cell that neighbours do
+    /// not bound all around ends where the scan does.
+    pub(super) fn restricted_cell(
+        &mut self,
+        fit: &Fit,
+        scan: &Scan,
+        options: &Options,
+    ) -> Option<Moments> {
+        let domain = [DOMAIN_RADIUS * self.spacing; DOMAIN_SIDES];
         self.look_near();
-        self.clip(fit);
+        self.clip(fit, &domain);
         if self.scratch.cell.security_squared() > (NEAR * self.spacing).powi(2) {
             self.look_far();
-            self.clip(fit);
+            self.clip(fit, &domain);
+        }
+        if !self.scratch.cell.is_closed() {
+            let samples = &mut self.scratch.samples;
+            let scanned = fit.scanned(self.place, scan, options, samples);
+            self.clip(fit, &scanned);
         }
         self.scratch.cell.moments(&fit.patch, self.place)
     }
 
-    fn clip(&mut self, fit: &Fit) {
-        let radius = DOMAIN_RADIUS * self.spacing;
+    fn clip(&mut self, fit: &Fit, reach: &Reach) {
         let Scratch {
             cell, neighbors, ..
         } = &mut *self.scratch;
-        cell.clip(&fit.patch, self.place, radius, neighbors);
+        cell.clip(&fit.patch, self.place, reach, neighbors);
     }
 
     fn look_near(&mut self) {
