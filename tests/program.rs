@@ -108,7 +108,7 @@ fn tiles_threads_and_memory_do_not_show() {
         let mut arguments = vec!["--spacing", "0.3", "--accelerate", "none", "--overwrite"];
         arguments.extend(more);
         succeed(&scans, &output, &arguments);
-        assert_eq!(points(&output), whole, "{more:?}");
+        assert!(points(&output) == whole, "{more:?}");
         let report = report(&output);
         assert_eq!(
             report["seams"]["shared"], report["seams"]["identical"],
@@ -158,8 +158,9 @@ fn cells_are_more_even_than_the_seeds_and_points_lie_on_the_street() {
     succeed(&scans, &output, &["--spacing", "0.25"]);
     let report = report(&output);
     let of = |what: &str, figure: &str| report[what][figure].as_f64().unwrap();
-    assert!(of("uniformity", "energy_ratio") < 0.95 * of("seeds", "energy_ratio"));
-    assert!(of("uniformity", "cell_area_cv") < 0.85 * of("seeds", "cell_area_cv"));
+    let excess = |what: &str| of(what, "energy_ratio") - 1.0;
+    assert!(excess("uniformity") < 0.7 * excess("seeds"));
+    assert!(of("uniformity", "cell_area_cv") < 0.9 * of("seeds", "cell_area_cv"));
     assert!(of("coverage", "share_beyond") < 0.01);
 
     // Nearer to the true surfaces than the scanner's noise of a centimetre.

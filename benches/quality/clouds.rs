@@ -22,7 +22,7 @@ pub(crate) struct Cloud {
     pub(crate) lattice: Lattice,
     pub(crate) count: usize,
     pub(crate) truth: Option<Truth>,
-    /// Reach of the fit in spacings, where the cloud asks for another one.
+    /// Reach of the noise, where there is some.
     pub(crate) smooth: Option<f64>,
 }
 
@@ -183,7 +183,7 @@ pub(crate) fn noisy() -> Cloud {
         .collect();
     let name = "noise: a quarter of 655 K points perturbed, to 100 K";
     Cloud {
-        smooth: Some(6.0),
+        smooth: Some(0.08),
         ..cloud(name, &places, 100_000, Surface::Bumpy.truth())
     }
 }

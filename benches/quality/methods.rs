@@ -54,11 +54,10 @@ impl Method {
     pub(crate) fn options(self, cloud: &Cloud, spacing: f64) -> Options {
         let mut options = Options::new(spacing);
         if let Some(smooth) = cloud.smooth {
-            options.fit_radius = smooth * spacing;
+            options.smooth = smooth;
         }
-        if let Some(fill) = std::env::var("FILL").ok() {
-            options.fill = fill.parse::<f64>().unwrap() * spacing;
-        }
+        let seeds_per_point = cloud.count as f64 / cloud.points.len() as f64;
+        options.fill *= seeds_per_point.max(1.0).sqrt();
         match self {
             Self::Ours | Self::Random | Self::Voxel => {}
             Self::Plain => options.acceleration = Acceleration::None,
@@ -73,6 +72,7 @@ impl Method {
                 options.seeds = SeedRule::Poisson;
                 options.iterations = 0;
                 options.fill = 0.0;
+                options.smooth = 0.0;
             }
         }
         options
@@ -85,7 +85,7 @@ fn mean_nearest(cloud: &Cloud) -> f64 {
     let spread = 2000.0 / cloud.points.len() as f64;
     let extent = extent(cloud);
     let options = Options::new(extent / 500.0);
-    let scan = Scan::without_filling(cloud.points.clone(), cloud.lattice, &options);
+    let scan = Scan::as_scanned(cloud.points.clone(), cloud.lattice, &options);
     let distances: Vec<f64> = scan.sampled_distances(spread, extent, |_| true).collect();
     distances.iter().sum::<f64>() / distances.len() as f64
 }

@@ -61,10 +61,14 @@ pub struct Choices {
     /// threshold [default: the input's spacing around the point]
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
     pub restrict: Option<f64>,
-    /// Radius of the surface fit, in CRS units; larger smooths more noise
-    /// [default: 1.2 spacings]
+    /// Radius of the surface fit, in CRS units: larger than the default smooths
+    /// noise away first, smaller keeps finer detail [default: 1.2 spacings]
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
     pub smooth: Option<f64>,
+    /// Widest hole to close, in CRS units; 0 for none [default: 4 spacings, or
+    /// of the scan's own where more points are asked for than it has]
+    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
+    pub fill: Option<f64>,
     /// Edge of square tiles, in CRS units [default: by points and memory]
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
     pub tile_size: Option<f64>,
@@ -159,8 +163,10 @@ pub struct Settings {
     pub patch: PatchKind,
     /// How far from the scan a site may go.
     pub restriction: Restriction,
-    /// Reach of a patch; `None`: by the spacing.
-    pub fit_radius: Option<f64>,
+    /// Radius of the surface fit; `None`: by the spacing.
+    pub smooth: Option<f64>,
+    /// The widest hole to close; `None`: by the spacing.
+    pub fill: Option<f64>,
     /// Edge of square tiles; `None`: by points and memory.
     pub tile_size: Option<f64>,
     /// What a tile sees around its core; `None`: by the solver's reach.
@@ -215,6 +221,7 @@ impl Choices {
             patch: self.patch.or(file.patch),
             restrict: self.restrict.or(file.restrict),
             smooth: self.smooth.or(file.smooth),
+            fill: self.fill.or(file.fill),
             tile_size: self.tile_size.or(file.tile_size),
             halo: self.halo.or(file.halo),
             seed: self.seed.or(file.seed),
@@ -284,7 +291,11 @@ impl Choices {
             patch: self.patch.unwrap_or_default(),
             restriction: positive("--restrict", self.restrict)?
                 .map_or(Restriction::Local, Restriction::Global),
-            fit_radius: positive("--smooth", self.smooth)?,
+            smooth: positive("--smooth", self.smooth)?,
+            fill: match self.fill {
+                Some(0.0) => Some(0.0),
+                fill => positive("--fill", fill)?,
+            },
             tile_size: positive("--tile-size", self.tile_size)?,
             halo: positive("--halo", self.halo)?,
             seed: self.seed.unwrap_or(0),
@@ -293,12 +304,20 @@ impl Choices {
 }
 
 impl Settings {
-    /// What the solver is asked for at `spacing`, with `seeds_per_point` of
-    /// the input's points if seeds are random.
+    /// What the solver is asked for at `spacing`, if about `seeds_per_point`
+    /// points are to come out for each of the input's.
     pub fn solver(&self, spacing: f64, seeds_per_point: f64) -> Options {
         let defaults = Options::new(spacing);
+        // Holes are a few spacings wide: of the output, or of the scan where that
+        // is coarser.
+        let scan_is_coarser = seeds_per_point.max(1.0).sqrt();
         Options {
-            fit_radius: self.fit_radius.unwrap_or(defaults.fit_radius),
+            fill: self.fill.unwrap_or(defaults.fill * scan_is_coarser),
+            fit_radius: self.smooth.unwrap_or(f64::MAX).min(defaults.fit_radius),
+            smooth: self
+                .smooth
+                .filter(|&r| r > defaults.fit_radius)
+                .unwrap_or(0.0),
             iterations: self.iterations,
             seeds: self.seeds,
             seeds_per_point,

@@ -212,6 +212,11 @@ impl Patch {
         self.residual <= WORST_RESIDUAL * detail && self.roundness >= LEAST_ROUNDNESS
     }
 
+    /// How far the patch can be relied on.
+    pub fn trust(&self, detail: f64) -> f64 {
+        (2.0 * (1.0 - self.residual / (WORST_RESIDUAL * detail))).clamp(0.0, 1.0)
+    }
+
     /// `[u, v, w]` of `point` in the patch's frame.
     pub fn coordinates(&self, point: Local) -> [f64; 3] {
         let d = point - self.origin;

@@ -25,6 +25,7 @@ mod relaxation;
 mod restriction;
 mod scan;
 mod seeds;
+mod smoothing;
 mod solver;
 mod step;
 

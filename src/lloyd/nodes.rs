@@ -220,7 +220,7 @@ mod tests {
             .filter_map(|(i, j)| LATTICE.stored(u * (0.05 * i) + v * (0.05 * j)))
             .collect();
         let options = Options::new(0.5);
-        let scan = Scan::without_filling(points, LATTICE, &options);
+        let scan = Scan::as_scanned(points, LATTICE, &options);
         (Nodes::new(&scan, &options), scan, options)
     }
 
@@ -274,7 +274,7 @@ mod tests {
             })
             .collect();
         let options = Options::new(0.5);
-        let scan = Scan::without_filling(wire, LATTICE, &options);
+        let scan = Scan::as_scanned(wire, LATTICE, &options);
         let nodes = Nodes::new(&scan, &options);
         assert!(!nodes.have(Local::new(1.0, 0.0, 0.0)));
         assert!(nodes.places(&scan, &options).is_empty());

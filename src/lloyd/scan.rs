@@ -12,7 +12,7 @@
 
 use std::ops::{ControlFlow, Range};
 
-use super::{Options, filling::filling};
+use super::{Options, filling::filling, smoothing::smoothed};
 use crate::geometry::{Lattice, Local, NeighborGrid, OccupiedCells, Stored, cell_of, spread};
 
 /// Voxels to a spacing. Three give some forty samples to a patch of radius
@@ -40,8 +40,8 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// Sorts `points` by voxel, takes the samples, and closes the holes, for what
-    /// `options` ask for.
+    /// Smooths `points`, sorts them by voxel, takes the samples, and closes the
+    /// holes, for what `options` ask for.
     ///
     /// Within a voxel points are sorted by priority: a hash of their
     /// coordinates and the seed.
@@ -51,7 +51,12 @@ impl Scan {
     /// Unless spacing and fit radius are positive; and as
     /// [`OccupiedCells::sort`].
     pub fn new(points: Vec<Stored>, lattice: Lattice, options: &Options) -> Self {
-        let mut scan = Self::without_filling(points, lattice, options);
+        let points = if options.smooth > 0.0 {
+            smoothed(points, &lattice, options)
+        } else {
+            points
+        };
+        let mut scan = Self::as_scanned(points, lattice, options);
         let filling = filling(&scan, options);
         if !filling.is_empty() {
             scan.fill(filling, options);
@@ -59,12 +64,12 @@ impl Scan {
         scan
     }
 
-    /// The same, with the holes left open.
+    /// The same without a change: noisy, and with its holes.
     ///
     /// # Panics
     ///
     /// As [`new`](Self::new).
-    pub fn without_filling(mut points: Vec<Stored>, lattice: Lattice, options: &Options) -> Self {
+    pub fn as_scanned(mut points: Vec<Stored>, lattice: Lattice, options: &Options) -> Self {
         let Options {
             spacing,
             fit_radius,
@@ -345,7 +350,7 @@ mod tests {
             seed: 1,
             ..Options::new(0.3)
         };
-        Scan::without_filling(points, lattice, &options)
+        Scan::as_scanned(points, lattice, &options)
     }
 
     fn cloud(n: u64) -> Vec<Stored> {

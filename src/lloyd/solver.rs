@@ -15,9 +15,10 @@ use crate::geometry::{Lattice, Local, OccupiedCells, PatchKind, Rect, Stored, ce
 pub struct Options {
     /// The edge of the hexagonal lattice with as many sites to the area.
     pub spacing: f64,
-    /// Reach of a patch: the scale of the details kept, and of the noise
-    /// smoothed away.
+    /// Reach of a patch: the scale of the details kept.
     pub fit_radius: f64,
+    /// Reach of the noise to smooth away before anything else; 0 for none.
+    pub smooth: f64,
     /// The widest hole to close; 0 for none.
     pub fill: f64,
     /// The paper's K: 20.
@@ -48,6 +49,7 @@ impl Options {
         Self {
             spacing,
             fit_radius: FIT_RADIUS * spacing,
+            smooth: 0.0,
             fill: FILL * spacing,
             iterations: 20,
             seeds: SeedRule::default(),
@@ -69,7 +71,13 @@ impl Options {
     /// Seeds this deep inside what is known (CRS units) are taken to be elected
     /// everywhere alike.
     fn seed_margin(&self) -> f64 {
-        SEED_MARGIN * self.spacing + self.fit_radius + 2.0 * self.fill
+        SEED_MARGIN * self.spacing + self.fit_radius + 2.0 * (self.fill + self.smooth)
+    }
+
+    /// Farthest from a point of the scan that a seed may stand (CRS units): in
+    /// the middle of what is filled, and a little beyond.
+    pub fn farthest_seed(&self) -> f64 {
+        2.5 * self.spacing + 0.5 * self.fill + self.smooth
     }
 
     /// The halo (CRS units) with which tiles agree on what they share: so many
@@ -512,7 +520,10 @@ impl Step {
             && fit.is_trusted(options)
         {
             let centroid = fit.patch.foot_point(moments.centroid);
-            let target = around.keeping_clear(centroid);
+            let wary = around.place
+                + (centroid - around.place)
+                    * fit.patch.trust(options.fit_radius.max(options.spacing));
+            let target = around.keeping_clear(wary);
             if is_allowed(scan, fit, target, options) {
                 self.target = target;
                 self.free = around.free();

@@ -247,7 +247,7 @@ impl Job {
             ));
         }
         let (spacing, points_out) = self.spacing(&spill, &survey, progress)?;
-        let seeds_per_point = (points_out as f64 / spill.points() as f64).min(1.0);
+        let seeds_per_point = points_out as f64 / spill.points() as f64;
         let options = self.settings.solver(spacing, seeds_per_point);
         let plan = self.plan_tiles(&spill, &survey, budget, &options, points_out)?;
         clock.stop("plan");
@@ -473,7 +473,7 @@ impl Job {
         let halo = self.settings.halo.unwrap_or_else(|| options.halo());
         // A tile may lie where the scan is sparse: allow it a quarter more
         // than the mean.
-        let seeds_per_point = (1.25 * points_out as f64 / spill.points() as f64).min(1.0);
+        let seeds_per_point = 1.25 * points_out as f64 / spill.points() as f64;
         let most_points = budget.points_per_tile(seeds_per_point);
         let path = self.dir.join("plan.json");
         // Tiles solved under another plan would not fit together: the first
@@ -491,6 +491,7 @@ impl Job {
                     spill,
                     PlanOptions {
                         halo: lattice.units(halo),
+                        margin: lattice.units(options.farthest_seed()),
                         tile_edge: self.settings.tile_size.map(|edge| lattice.units(edge)),
                         most_points,
                     },

@@ -302,6 +302,7 @@ fn measure_in(files: &[(Mark, File)], dir: &Path, budget: &Budget) -> Result<Mea
             &spill,
             PlanOptions {
                 halo: lattice.units(halo),
+                margin: 0,
                 tile_edge: None,
                 most_points: budget.points_per_tile(1.0).min(PART_POINTS),
             },
@@ -337,7 +338,7 @@ fn measure_in(files: &[(Mark, File)], dir: &Path, budget: &Budget) -> Result<Mea
                 }
             }
         }
-        let scan = Scan::without_filling(cloud, lattice, &options);
+        let scan = Scan::as_scanned(cloud, lattice, &options);
         let domain = Domain {
             known,
             core: tile.core,

@@ -59,6 +59,8 @@ const PER_VOXEL: f64 = 2.0 * 72.0;
 /// Voxels to a seed, about: eight of a plane that lies in the lattice, half as
 /// many again of one that crosses it.
 const VOXELS_PER_SEED: f64 = 12.0;
+/// Places of the filling to a seed where the scan is coarser than the output.
+const FILLING_PER_SEED: f64 = 4.0;
 /// Memory for each seed of a tile: states, steps, cells, histories.
 const PER_SEED: f64 = 1000.0;
 /// The allocator does not give everything back at once.
@@ -96,7 +98,7 @@ impl Budget {
     }
 
     /// Points that a tile may see if every point becomes `seeds_per_point`
-    /// seeds.
+    /// seeds, on the mean.
     pub(super) fn points_per_tile(&self, seeds_per_point: f64) -> u64 {
         let bytes = self.total.saturating_sub(BASE) as f64 * USABLE;
         ((bytes / bytes_per_point(seeds_per_point)) as u64).min(MOST_POINTS)
@@ -115,8 +117,9 @@ impl Budget {
 }
 
 fn bytes_per_point(seeds_per_point: f64) -> f64 {
-    let seeds = seeds_per_point.clamp(0.0, 1.0);
-    let voxels = (seeds * VOXELS_PER_SEED).min(1.0);
+    let seeds = seeds_per_point.max(0.0);
+    // A voxel for each point at the most, and those of the filling.
+    let voxels = (seeds * VOXELS_PER_SEED).min(1.0 + seeds * FILLING_PER_SEED);
     PER_POINT_READ + PER_POINT_SOLVED + PER_VOXEL * voxels + PER_SEED * seeds
 }
 
@@ -128,7 +131,7 @@ mod tests {
     fn a_tile_that_was_planned_fits_its_budget() {
         for total in [256 << 20, 1 << 30] {
             let budget = Budget { total, threads: 2 };
-            for seeds in [0.001, 0.02, 0.5] {
+            for seeds in [0.001, 0.02, 0.5, 4.0] {
                 let points = budget.points_per_tile(seeds);
                 assert!(points < MOST_POINTS);
                 assert!(budget.needed_for(points, seeds) <= total);

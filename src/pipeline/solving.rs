@@ -60,7 +60,10 @@ pub(super) fn figures_path(dir: &Path, tile: u32) -> PathBuf {
 pub(super) struct Loaded {
     pub(super) tile: Tile,
     known: Rect,
+    /// What is solved …
     scan: Scan,
+    /// … and what was scanned, where that is not the same.
+    scanned: Option<Scan>,
 }
 
 /// Reads the points that `tile` sees.
@@ -75,8 +78,15 @@ pub(super) fn load(
     let mut points: Vec<Stored> =
         Vec::with_capacity(usize::try_from(tile.points_seen).unwrap_or(0));
     spill.gather(&known, |record| points.push(Stored::of_record(record)))?;
+    let scanned =
+        (options.smooth > 0.0).then(|| Scan::as_scanned(points.clone(), lattice, options));
     let scan = Scan::new(points, lattice, options);
-    Ok(Loaded { tile, known, scan })
+    Ok(Loaded {
+        tile,
+        known,
+        scan,
+        scanned,
+    })
 }
 
 /// Solves a tile: its result, and its figures but for the time.
@@ -85,7 +95,12 @@ pub(super) fn solve_tile(
     loaded: Loaded,
     options: &Options,
 ) -> Result<(SolvedTile, TileFigures), JobError> {
-    let Loaded { tile, known, scan } = loaded;
+    let Loaded {
+        tile,
+        known,
+        scan,
+        scanned,
+    } = loaded;
     let lattice = *scan.lattice();
     let core = tile.core;
     let domain = Domain {
@@ -94,6 +109,8 @@ pub(super) fn solve_tile(
         band: lattice.units(BAND * options.spacing),
     };
     let solution = solve(&scan, &domain, options);
+    // What follows is said of what was scanned.
+    let scan = scanned.unwrap_or(scan);
     let (own, band): (Vec<Site>, Vec<Site>) = solution
         .sites
         .iter()

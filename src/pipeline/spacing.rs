@@ -9,7 +9,7 @@ use super::JobError;
 use crate::{
     config::Settings,
     geometry::{Lattice, Stored},
-    lloyd::{AREA_PER_SEED, Scan, elected_in},
+    lloyd::{AREA_PER_SEED, Options, Scan, elected_in},
     tile::{Plan, PlanOptions, Spill, TileError},
 };
 
@@ -25,6 +25,9 @@ const TOLERANCE: f64 = 0.004;
 /// A count met this closely is corrected, and not tried again: over so little,
 /// seeds go with a power of the spacing.
 const NEARLY: f64 = 0.06;
+/// More than so many points to each of the scan's, and hardly any would be where
+/// something was scanned.
+const MOST_PER_POINT: u64 = 16;
 /// Tries; three are usual.
 const TRIES: u32 = 12;
 
@@ -36,10 +39,10 @@ pub(super) fn for_count(
     settings: &Settings,
     count: u64,
 ) -> Result<f64, JobError> {
-    if count > spill.points() {
+    if count > MOST_PER_POINT * spill.points() {
         return Err(JobError::Refused(format!(
-            "--count {count} is more than the {} points of the scan can carry; ask for fewer, or \
-             for a --spacing",
+            "--count {count} is more than the {} points of the scan can carry: at most {MOST_PER_POINT} \
+             for each; ask for fewer, or for a --spacing",
             spill.points()
         )));
     }
@@ -55,6 +58,7 @@ pub(super) fn for_count(
     let guess = (1.5 * occupied / (AREA_PER_SEED * count as f64)).sqrt();
     let mut spacing = guess.clamp(4.0 * lattice.scale, extent);
 
+    let seeds_per_point = count as f64 / spill.points() as f64;
     let mut tried: Vec<(f64, f64)> = Vec::new();
     for number in 0..TRIES {
         let sample = if number == 0 {
@@ -62,7 +66,8 @@ pub(super) fn for_count(
         } else {
             SAMPLE_POINTS
         };
-        let found = seeds(spill, lattice, settings, spacing, sample)?;
+        let options = settings.solver(spacing, seeds_per_point);
+        let found = seeds(spill, lattice, &options, sample)?;
         let error = (found / count as f64).ln();
         let is_whole = sample >= SAMPLE_POINTS.min(spill.points());
         tried.push((spacing.ln(), error));
@@ -116,39 +121,45 @@ pub(super) fn expected(
     settings: &Settings,
     spacing: f64,
 ) -> Result<f64, JobError> {
-    seeds(spill, lattice, settings, spacing, SAMPLE_POINTS)
+    seeds(
+        spill,
+        lattice,
+        &settings.solver(spacing, 0.0),
+        SAMPLE_POINTS,
+    )
 }
 
-/// Seeds elected at `spacing` from `sample` points, for all of the cloud.
+/// Seeds elected from `sample` points, for all of the cloud.
 fn seeds(
     spill: &Spill,
     lattice: &Lattice,
-    settings: &Settings,
-    spacing: f64,
+    options: &Options,
     sample: u64,
 ) -> Result<f64, JobError> {
-    let parts = parts(spill, lattice.units(6.0 * spacing))?;
+    let halo = 6.0 * options.spacing + options.fill;
+    let margin = options.farthest_seed();
+    let parts = parts(spill, lattice.units(halo), lattice.units(margin))?;
     let every = spill.points().div_ceil(sample.max(1)).max(1) as usize;
-    let options = settings.solver(spacing, 0.0);
     let (mut elected, mut sampled) = (0, 0);
     for tile in parts.tiles.iter().step_by(every) {
         let mut points: Vec<Stored> = Vec::new();
         spill.gather(&tile.core.grown(parts.halo), |record| {
             points.push(Stored::of_record(record));
         })?;
-        let scan = Scan::new(points, *lattice, &options);
-        elected += elected_in(&scan, &options, &tile.core);
+        let scan = Scan::new(points, *lattice, options);
+        elected += elected_in(&scan, options, &tile.core);
         sampled += tile.points_core;
     }
     Ok(elected as f64 * spill.points() as f64 / sampled.max(1) as f64)
 }
 
 /// The cloud in parts small enough for any budget, the same for all of them.
-fn parts(spill: &Spill, halo: i64) -> Result<Plan, JobError> {
+fn parts(spill: &Spill, halo: i64, margin: i64) -> Result<Plan, JobError> {
     let mut most_points = PART_POINTS;
     loop {
         let options = PlanOptions {
             halo,
+            margin,
             tile_edge: None,
             most_points,
         };

@@ -22,6 +22,8 @@ const SLIVER: u64 = 4;
 pub struct PlanOptions {
     /// What a tile sees around its core.
     pub halo: i64,
+    /// Every place this near to a point must be at home in a tile.
+    pub margin: i64,
     /// Edge of square tiles; `None`: by the number of points.
     pub tile_edge: Option<i64>,
     /// Points that a tile may see.
@@ -64,8 +66,13 @@ impl Plan {
         let mut cores = Vec::new();
         if let Some(bounds) = counts.bounds() {
             match options.tile_edge {
-                Some(edge) => cores = equal_tiles(&counts, bounds, edge),
-                None => split(&counts, bounds, &options, &mut cores)?,
+                Some(edge) => cores = equal_tiles(&counts, bounds, &options, edge),
+                None => split(
+                    &counts,
+                    counts.grown(bounds, options.margin),
+                    &options,
+                    &mut cores,
+                )?,
             }
         }
         let tiles = (0..)
@@ -135,6 +142,11 @@ impl Counts {
         })
     }
 
+    /// `rect` and the whole squares within `margin` around it.
+    fn grown(&self, rect: Rect, margin: i64) -> Rect {
+        rect.grown((margin + self.square - 1) / self.square * self.square)
+    }
+
     /// Points in the squares that `rect` touches.
     fn touching(&self, rect: &Rect) -> u64 {
         let low = rect.min.map(|c| c.div_euclid(self.square));
@@ -155,7 +167,9 @@ impl Counts {
     }
 }
 
-fn equal_tiles(counts: &Counts, bounds: Rect, edge: i64) -> Vec<Rect> {
+fn equal_tiles(counts: &Counts, bounds: Rect, options: &PlanOptions, edge: i64) -> Vec<Rect> {
+    let bounds = counts.grown(bounds, options.margin);
+    let is_wanted = |rect: &Rect| counts.touching(&rect.grown(options.margin)) > 0;
     // Whole counting squares, so that counts are exact; anchored at the origin,
     // so that the tiling does not depend on the extent.
     let edge = (edge + counts.square - 1) / counts.square * counts.square;
@@ -167,7 +181,7 @@ fn equal_tiles(counts: &Counts, bounds: Rect, edge: i64) -> Vec<Rect> {
             min: [bounds.min[0], row * edge],
             max: [bounds.max[0], (row + 1) * edge],
         };
-        if counts.touching(&strip) == 0 {
+        if !is_wanted(&strip) {
             continue;
         }
         for column in first[0]..=last[0] {
@@ -175,7 +189,7 @@ fn equal_tiles(counts: &Counts, bounds: Rect, edge: i64) -> Vec<Rect> {
                 min: [column * edge, row * edge],
                 max: [(column + 1) * edge, (row + 1) * edge],
             };
-            if counts.touching(&core) > 0 {
+            if is_wanted(&core) {
                 cores.push(core);
             }
         }
@@ -189,7 +203,7 @@ fn split(
     options: &PlanOptions,
     cores: &mut Vec<Rect>,
 ) -> Result<(), TileError> {
-    if counts.touching(&core) == 0 {
+    if counts.touching(&core.grown(options.margin)) == 0 {
         return Ok(());
     }
     let seen = counts.touching(&core.grown(options.halo));
@@ -252,9 +266,12 @@ mod tests {
         Counts::new(merged.into_iter(), square)
     }
 
+    const MARGIN: i64 = 7;
+
     fn options(halo: i64, most_points: u64) -> PlanOptions {
         PlanOptions {
             halo,
+            margin: MARGIN,
             tile_edge: None,
             most_points,
         }
@@ -273,14 +290,23 @@ mod tests {
             let most = 2000;
             let mut cores = Vec::new();
             match edge {
-                Some(edge) => cores = equal_tiles(&counts, bounds, edge),
+                Some(edge) => cores = equal_tiles(&counts, bounds, &options(halo, most), edge),
                 None => {
+                    let bounds = counts.grown(bounds, MARGIN);
                     if split(&counts, bounds, &options(halo, most), &mut cores).is_err() {
                         return Ok(());
                     }
                     for core in &cores {
                         prop_assert!(counts.touching(&core.grown(halo)) <= most);
                     }
+                }
+            }
+            // Nor is there a place near a square without a home.
+            for &([x, y], _) in &squares {
+                for [dx, dy] in [[-MARGIN, 0], [MARGIN, 0], [0, -MARGIN], [0, MARGIN]] {
+                    let corner = [x * 10 + dx, y * 10 + dy];
+                    let place = Rect { min: corner, max: corner.map(|c| c + 1) };
+                    prop_assert_eq!(cores.iter().filter(|c| c.covers(&place)).count(), 1);
                 }
             }
             for &([x, y], _) in &squares {
@@ -291,7 +317,7 @@ mod tests {
             let total: u64 = squares.iter().map(|s| s.1).sum();
             let sum: u64 = cores.iter().map(|c| counts.touching(c)).sum();
             prop_assert_eq!(sum, total);
-            prop_assert!(cores.iter().all(|c| counts.touching(c) > 0));
+            prop_assert!(cores.iter().all(|c| counts.touching(&c.grown(MARGIN)) > 0));
         }
 
         #[test]

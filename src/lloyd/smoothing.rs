@@ -1,0 +1,148 @@
+//! Noise is smoothed away before anything else is done, where that is asked for.
+//!
+//! Every point is put on the patch of what lies around it, as far as the noise
+//! reaches (paper, section V-D): a site is then elected on the surface, and not
+//! in the band of noise about it. A second time the patches are fitted to what
+//! the first has put near the surface.
+
+use rayon::prelude::*;
+
+use super::Options;
+use crate::geometry::{Lattice, Local, NeighborGrid, OccupiedCells, Patch, Stored, cell_of};
+
+/// Cells to a radius: their means, some forty to a patch, are what it is fitted
+/// to.
+const CELLS: f64 = 4.0;
+
+/// Of what scatters more about its patch than is allowed for this many radii
+/// nobody knows where its surface is.
+const NOISE: f64 = 1.6;
+
+/// Times that points are put on patches.
+const PASSES: u32 = 2;
+
+/// `points` on the surface that they are the noisy samples of, for patches of
+/// the radius that `options` ask for. Where there is no surface they stay.
+pub(super) fn smoothed(
+    mut points: Vec<Stored>,
+    lattice: &Lattice,
+    options: &Options,
+) -> Vec<Stored> {
+    for _ in 0..PASSES {
+        points = on_patches(points, lattice, options);
+    }
+    points
+}
+
+fn on_patches(points: Vec<Stored>, lattice: &Lattice, options: &Options) -> Vec<Stored> {
+    let edge = options.smooth / CELLS;
+    // By coordinates within a cell: sums must not depend on the order of files.
+    let (cells, order) = OccupiedCells::sort(
+        points.iter().map(|&p| cell_of(lattice.local(p), edge)),
+        |i| points[i as usize],
+    );
+    let points: Vec<Stored> = order.iter().map(|&i| points[i as usize]).collect();
+    let ranges: Vec<_> = cells.ranges().collect();
+    let means: Vec<Local> = ranges
+        .par_iter()
+        .map(|range| {
+            let held = points[range.clone()].iter().map(|&p| lattice.local(p));
+            held.sum::<Local>() / range.len() as f64
+        })
+        .collect();
+    let grid = NeighborGrid::new(&means, 0.5 * options.smooth);
+    ranges
+        .into_par_iter()
+        .zip(&means)
+        .map_init(Vec::new, |near, (range, &mean)| {
+            grid.gather(mean, options.smooth, near);
+            let patch = Patch::fit(mean, near, options.smooth, options.patch)
+                .filter(|patch| patch.describes(NOISE * options.smooth));
+            let put = |&point: &Stored| {
+                let place = patch.as_ref().map(|p| p.foot_point(lattice.local(point)));
+                place
+                    .and_then(|place| lattice.stored(place))
+                    .unwrap_or(point)
+            };
+            points[range].iter().map(put).collect::<Vec<_>>()
+        })
+        .flatten_iter()
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::spread;
+
+    const LATTICE: Lattice = Lattice {
+        scale: 1e-4,
+        offset: [0.0; 3],
+    };
+
+    fn unit(k: u64) -> f64 {
+        spread(k) as f64 / u64::MAX as f64
+    }
+
+    /// Points of a bent sheet, and beside it one by one their heights above it.
+    fn noisy(thickness: f64) -> Vec<Stored> {
+        (0..40_000)
+            .filter_map(|i| {
+                let (x, y) = (10.0 * unit(3 * i), 10.0 * unit(3 * i + 1));
+                let noise = thickness * (unit(3 * i + 2) - 0.5);
+                LATTICE.stored(Local::new(x, y, 0.05 * x * x + noise))
+            })
+            .collect()
+    }
+
+    fn mean_height(points: &[Stored]) -> f64 {
+        let inner = points.iter().map(|&p| LATTICE.local(p));
+        let inner = inner.filter(|p| (1.0..9.0).contains(&p.x) && (1.0..9.0).contains(&p.y));
+        let heights: Vec<f64> = inner.map(|p| (p.z - 0.05 * p.x * p.x).abs()).collect();
+        heights.iter().sum::<f64>() / heights.len() as f64
+    }
+
+    #[test]
+    fn noise_is_taken_off_a_bent_sheet() {
+        let options = Options {
+            smooth: 0.8,
+            ..Options::new(0.2)
+        };
+        let points = noisy(0.2);
+        let before = mean_height(&points);
+        let after = mean_height(&smoothed(points, &LATTICE, &options));
+        assert!(after < 0.2 * before, "{before} {after}");
+    }
+
+    #[test]
+    fn the_order_of_the_points_does_not_matter() {
+        let options = Options {
+            smooth: 0.8,
+            ..Options::new(0.2)
+        };
+        let points = noisy(0.2);
+        let mut turned = points.clone();
+        turned.reverse();
+        let mut all = [points, turned].map(|points| smoothed(points, &LATTICE, &options));
+        all.iter_mut().for_each(|points| points.sort_unstable());
+        assert_eq!(all[0], all[1]);
+    }
+
+    #[test]
+    fn leaves_stay_where_they_are() {
+        let points: Vec<Stored> = (0..4000)
+            .filter_map(|i| {
+                LATTICE.stored(Local::new(unit(3 * i), unit(3 * i + 1), unit(3 * i + 2)))
+            })
+            .collect();
+        let options = Options {
+            smooth: 0.5,
+            ..Options::new(0.1)
+        };
+        let mut after = smoothed(points.clone(), &LATTICE, &options);
+        let is_same = |p: &&Stored| points.contains(p);
+        after.truncate(1000);
+        let same = after.iter().filter(is_same).count();
+        assert!(same > 800, "{same}");
+    }
+}
