@@ -130,19 +130,22 @@ mod tests {
 
     #[test]
     fn leaves_stay_where_they_are() {
-        let points: Vec<Stored> = (0..4000)
+        let points: Vec<Stored> = (0..30_000)
             .filter_map(|i| {
-                LATTICE.stored(Local::new(unit(3 * i), unit(3 * i + 1), unit(3 * i + 2)))
+                let place = Local::new(unit(3 * i), unit(3 * i + 1), unit(3 * i + 2));
+                LATTICE.stored(place * 2.0)
             })
             .collect();
         let options = Options {
             smooth: 0.5,
             ..Options::new(0.1)
         };
-        let mut after = smoothed(points.clone(), &LATTICE, &options);
-        let is_same = |p: &&Stored| points.contains(p);
-        after.truncate(1000);
-        let same = after.iter().filter(is_same).count();
-        assert!(same > 800, "{same}");
+        // In the middle: the outside of a crown does look like a surface.
+        let is_inner = |p: &&Stored| [p.x, p.y, p.z].iter().all(|c| (6_000..14_000).contains(c));
+        let known: std::collections::BTreeSet<Stored> = points.iter().copied().collect();
+        let after = smoothed(points, &LATTICE, &options);
+        let inner: Vec<&Stored> = after.iter().filter(is_inner).collect();
+        let same = inner.iter().filter(|point| known.contains(point)).count();
+        assert!(same > inner.len() * 9 / 10, "{same} of {}", inner.len());
     }
 }

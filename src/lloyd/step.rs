@@ -4,7 +4,7 @@ use crate::geometry::{
     Cell, DOMAIN_SIDES, Local, Moments, Neighbor, NeighborGrid, Patch, Reach, domain_corners,
 };
 
-use super::{Options, Scan, SeedRule};
+use super::{Options, Restriction, Scan, SeedRule};
 
 /// Radius of a cell's domain, in spacings. Seeds cover surfaces at 0.745
 /// spacings, so no cell inside one reaches it.
@@ -247,7 +247,7 @@ pub(super) struct Around<'a> {
 impl Around<'_> {
     /// Clips the cell of the site on the patch of `fit`, looking as far as it
     /// takes; its moments, if anything is left of it. A cell that neighbours do
-    /// not bound all around ends where the scan does.
+    /// not bound all around ends where the scan does, if sites are to keep to it.
     pub(super) fn restricted_cell(
         &mut self,
         fit: &Fit,
@@ -261,7 +261,7 @@ impl Around<'_> {
             self.look_far();
             self.clip(fit, &domain);
         }
-        if !self.scratch.cell.is_closed() {
+        if !self.scratch.cell.is_closed() && options.restriction == Restriction::Local {
             let samples = &mut self.scratch.samples;
             let scanned = fit.scanned(self.place, scan, options, samples);
             self.clip(fit, &scanned);
