@@ -47,7 +47,7 @@ impl Dice {
 }
 
 /// A closed surface of about unit size, as a formula.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) enum Surface {
     Sphere,
     Torus,

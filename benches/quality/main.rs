@@ -1,7 +1,10 @@
 //! How even the points of several methods are, on clouds of many kinds: the
 //! tables of `docs/RESULTS.md`. `scripts/quality` runs it.
 //!
-//!     cargo bench --bench quality -- [--scans DIR] [--only NAME] [--ours]
+//!     cargo bench --bench quality -- [--scans DIR] [--only NAME] [--ours] [--curves DIR]
+//!
+//! `--ours` leaves out all methods but lloydar's and Poisson thinning; `--curves`
+//! compares accelerations instead, and draws δ against iterations.
 
 #![allow(
     clippy::print_stdout,
@@ -10,6 +13,7 @@
 )]
 
 mod clouds;
+mod curves;
 mod methods;
 
 use std::path::PathBuf;
@@ -30,6 +34,14 @@ fn main() {
         &Method::ALL
     };
     let folder = value("--scans").map(PathBuf::from);
+    if let Some(pictures) = value("--curves") {
+        for (name, make) in named(folder.as_deref()) {
+            if let Some(cloud) = make().filter(|_| name.contains(&only)) {
+                curves::compare(&cloud, &name, pictures.as_ref());
+            }
+        }
+        return;
+    }
     println!(
         "| cloud | method | n | δ | δ trimmed | σ/d̄ | 1 − ε | energy | area CV | packing | six | min | p1 | \
          p99 | accuracy mean | p99 | coverage p99 | astray | held | open | s |"
@@ -95,7 +107,6 @@ fn print_row(cloud: &Cloud, method: Method) {
         astray,
         held,
         open,
-        convergence,
         ..
     } = methods::run(cloud, method, spacing);
     println!(
@@ -119,6 +130,4 @@ fn print_row(cloud: &Cloud, method: Method) {
         accuracy.p99 / spacing,
         coverage.p99 / spacing,
     );
-    let curve: Vec<String> = convergence.iter().map(|d| format!("{d:.4}")).collect();
-    eprintln!("   {}", curve.join(" "));
 }

@@ -99,6 +99,27 @@ fn extent(cloud: &Cloud) -> f64 {
     size * cloud.lattice.scale
 }
 
+/// δ at the start of every iteration and at the end, from seeds of `rule`, and
+/// the seconds it took.
+pub(crate) fn curve(
+    cloud: &Cloud,
+    spacing: f64,
+    rule: SeedRule,
+    acceleration: Acceleration,
+) -> (Vec<f64>, f64) {
+    let options = Options {
+        seeds: rule,
+        acceleration,
+        ..Method::Ours.options(cloud, spacing)
+    };
+    let scan = scan(cloud, &options);
+    let start = Instant::now();
+    let solution = solve(&scan, &Domain::everything(), &options);
+    let seconds = start.elapsed().as_secs_f64();
+    let delta = solution.convergence.iter().map(|sums| sums.delta());
+    (delta.collect(), seconds)
+}
+
 /// What a method made, and how even it is.
 pub(crate) struct Outcome {
     pub(crate) spacing: f64,

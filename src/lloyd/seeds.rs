@@ -199,54 +199,48 @@ impl Election<'_> {
     /// them, and go so many steps at most, so that none comes from far away.
     fn elect_loose(&mut self) {
         let spacing = self.options.spacing;
-        let is_left =
-            |election: &Self, place: usize| election.is_loose[place] && !election.is_covered[place];
-        let mut left: Vec<usize> = (0..self.is_loose.len())
-            .filter(|&place| is_left(self, place))
-            .collect();
-        if left.is_empty() {
-            return;
-        }
+        let points = self.scan.points();
+        let is_left = |&place: &usize| self.is_loose[place] && !self.is_covered[place];
+        let mut left: Vec<usize> = (0..points.len()).filter(is_left).collect();
         left.par_sort_unstable_by_key(|&place| (self.priority(place), place));
+        let loose: Vec<Stored> = left.into_iter().map(|place| points[place]).collect();
+
+        let place_of = |point: Stored| self.scan.lattice().local(point);
+        let positions: Vec<Local> = loose.iter().map(|&point| place_of(point)).collect();
+        let [farthest, covered] = [NUCLEI, LOOSE_RADIUS].map(|r| (r * spacing).powi(2));
+        let grid = NeighborGrid::new(&positions, spacing);
         // Squared distance of each point to the nearest seed, as far as it is
         // needed.
-        let mut nearest = vec![f64::INFINITY; self.is_loose.len()];
-        let farthest = NUCLEI * spacing;
-        let measure = |election: &Self, seed: Stored, nearest: &mut [f64]| {
-            let center = election.scan.lattice().local(seed);
-            election
-                .scan
-                .visit_within(center, farthest, |other, squared| {
-                    nearest[other] = nearest[other].min(squared);
-                });
+        let mut nearest = vec![f64::INFINITY; loose.len()];
+        let measure = |seed: Stored, nearest: &mut [f64]| {
+            let center = place_of(seed);
+            grid.visit_around(center, NUCLEI * spacing, |other, position| {
+                let known = &mut nearest[other as usize];
+                *known = known.min((position - center).norm_squared());
+            });
         };
         for &seed in &self.seeds {
-            measure(self, seed, &mut nearest);
+            measure(seed, &mut nearest);
         }
-        let elect = |election: &mut Self, place: usize, nearest: &mut [f64]| {
-            let seed = election.scan.points()[place];
-            election.admit(seed);
-            measure(election, seed, nearest);
-        };
-        for &place in &left {
-            if nearest[place] >= farthest * farthest {
-                elect(self, place, &mut nearest);
+        for place in 0..loose.len() {
+            if nearest[place] >= farthest {
+                self.seeds.push(loose[place]);
+                measure(loose[place], &mut nearest);
             }
         }
+        let mut left: Vec<usize> = (0..loose.len()).collect();
         for width in FRONTS.into_iter().chain(std::iter::repeat(f64::INFINITY)) {
-            left.retain(|&place| is_left(self, place));
+            left.retain(|&place| nearest[place] >= covered);
             if left.is_empty() {
                 return;
             }
             let limit = ((LOOSE_RADIUS + width) * spacing).powi(2);
-            let front: Vec<usize> = left
-                .iter()
-                .copied()
-                .filter(|&place| nearest[place] <= limit)
-                .collect();
+            let is_next = |&place: &usize| nearest[place] <= limit;
+            let front: Vec<usize> = left.iter().copied().filter(is_next).collect();
             for place in front {
-                if !self.is_covered[place] {
-                    elect(self, place, &mut nearest);
+                if nearest[place] >= covered {
+                    self.seeds.push(loose[place]);
+                    measure(loose[place], &mut nearest);
                 }
             }
         }
