@@ -65,13 +65,13 @@ fn named(folder: Option<&std::path::Path>) -> Vec<(String, Maker)> {
     let mut push = |name: &str, make: Maker| all.push((name.into(), make));
     for surface in Surface::ALL {
         push(
-            "even",
+            &format!("even {surface:?}"),
             Box::new(move || Some(clouds::even(surface, 300_000, 10_000))),
         );
     }
     for surface in Surface::ALL {
         push(
-            "white",
+            &format!("white {surface:?}"),
             Box::new(move || Some(clouds::even(surface, 30_000, 10_000))),
         );
     }

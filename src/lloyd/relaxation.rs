@@ -16,7 +16,7 @@ use super::acceleration::Iterate;
 use crate::geometry::Local;
 
 /// ω gains this much for each iteration that went well …
-const GAIN: f64 = 0.25;
+const GAIN: f64 = 0.5;
 /// … up to here. At 2 over-relaxation of a quadratic ceases to converge.
 const MOST: f64 = 1.8;
 /// Residuals above this share of the spacing are jumps, not convergence.
