@@ -51,7 +51,7 @@ pub struct Choices {
     /// none, relaxation, anderson or anderson-global [default: relaxation]
     #[arg(long, value_name = "HOW", value_parser = by_name::<Acceleration>)]
     pub accelerate: Option<Acceleration>,
-    /// poisson, area or random [default: poisson]
+    /// hexagonal, poisson, area or random [default: hexagonal]
     #[arg(long, value_name = "RULE", value_parser = by_name::<SeedRule>)]
     pub seeds: Option<SeedRule>,
     /// quadratic or plane [default: quadratic]

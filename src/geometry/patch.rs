@@ -212,9 +212,14 @@ impl Patch {
         self.residual <= WORST_RESIDUAL * detail && self.roundness >= LEAST_ROUNDNESS
     }
 
-    /// How far the patch can be relied on.
+    /// How far the patch can be relied on: 1 for a clean surface, falling to 0
+    /// where it ceases to describe its neighbourhood.
     pub fn trust(&self, detail: f64) -> f64 {
-        (2.0 * (1.0 - self.residual / (WORST_RESIDUAL * detail))).clamp(0.0, 1.0)
+        if self.describes(detail) {
+            (2.0 * (1.0 - self.residual / (WORST_RESIDUAL * detail))).min(1.0)
+        } else {
+            0.0
+        }
     }
 
     /// `[u, v, w]` of `point` in the patch's frame.

@@ -520,10 +520,9 @@ impl Step {
             && fit.is_trusted(options)
         {
             let centroid = fit.patch.foot_point(moments.centroid);
-            let wary = around.place
-                + (centroid - around.place)
-                    * fit.patch.trust(options.fit_radius.max(options.spacing));
-            let target = around.keeping_clear(wary);
+            // The less sure the surface, the shorter the step.
+            let step = (centroid - around.place) * fit.trust(options);
+            let target = around.keeping_clear(around.place + step);
             if is_allowed(scan, fit, target, options) {
                 self.target = target;
                 self.free = around.free();

@@ -84,10 +84,14 @@ impl Fit {
         reach.map(|reach| (reach + margin).min(DOMAIN_RADIUS * spacing))
     }
 
+    /// What share of a step may be taken by the patch.
+    pub(super) fn trust(&self, options: &Options) -> f64 {
+        self.patch.trust(options.fit_radius.max(options.spacing))
+    }
+
     /// Whether the patch describes its neighbourhood well enough to move by.
     pub(super) fn is_trusted(&self, options: &Options) -> bool {
-        self.patch
-            .describes(options.fit_radius.max(options.spacing))
+        self.trust(options) > 0.0
     }
 }
 
