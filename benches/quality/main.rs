@@ -6,11 +6,7 @@
 //! `--ours` leaves out all methods but lloydar's and Poisson thinning; `--curves`
 //! compares accelerations instead, and draws δ against iterations.
 
-#![allow(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "prints its tables"
-)]
+#![allow(clippy::print_stdout, reason = "prints its tables")]
 
 mod clouds;
 mod curves;
@@ -107,7 +103,6 @@ fn print_row(cloud: &Cloud, method: Method) {
         astray,
         held,
         open,
-        ..
     } = methods::run(cloud, method, spacing);
     println!(
         "| {} | {} | {} | {:.4} | {:.4} | {:.4} | {:.4} | {:.4} | {:.4} | {:.4} | {:.3} | {:.3} | {:.3} | {:.3} | \

@@ -66,7 +66,7 @@ impl Method {
                 options.fill = 0.0;
                 options.acceleration = Acceleration::AndersonGlobal;
                 options.restriction = Restriction::Global(1.5 * mean_nearest(cloud));
-                options.seeds_per_point = cloud.count as f64 / cloud.points.len() as f64;
+                options.seeds_per_point = seeds_per_point;
             }
             Self::Poisson => {
                 options.seeds = SeedRule::Poisson;
@@ -122,7 +122,6 @@ pub(crate) fn curve(
 
 /// What a method made, and how even it is.
 pub(crate) struct Outcome {
-    pub(crate) spacing: f64,
     pub(crate) seconds: f64,
     pub(crate) figures: Uniformity,
     /// To the truth where it is known, else to the scan.
@@ -130,8 +129,6 @@ pub(crate) struct Outcome {
     pub(crate) coverage: DistanceFigures,
     /// Sites farther from the scan than it is dense around them.
     pub(crate) astray: usize,
-    /// δ at the start of every iteration and at the end.
-    pub(crate) convergence: Vec<f64>,
     pub(crate) held: f64,
     pub(crate) open: f64,
 }
@@ -139,23 +136,17 @@ pub(crate) struct Outcome {
 pub(crate) fn run(cloud: &Cloud, method: Method, spacing: f64) -> Outcome {
     let options = method.options(cloud, spacing);
     let start = Instant::now();
-    let (places, convergence) = match method {
-        Method::Random => (random(cloud), Vec::new()),
-        Method::Voxel => (voxel_means(cloud), Vec::new()),
+    let places = match method {
+        Method::Random => random(cloud),
+        Method::Voxel => voxel_means(cloud),
         _ => {
             let scan = scan(cloud, &options);
             let solution = solve(&scan, &Domain::everything(), &options);
-            let places = solution.sites.iter().map(|site| site.position).collect();
-            let delta = solution.convergence.iter().map(|sums| sums.delta());
-            (places, delta.collect())
+            solution.sites.iter().map(|site| site.position).collect()
         }
     };
     let seconds = start.elapsed().as_secs_f64();
-    let mut outcome = judge(cloud, &places);
-    outcome.seconds = seconds;
-    outcome.spacing = spacing;
-    outcome.convergence = convergence;
-    outcome
+    judge(cloud, &places, seconds)
 }
 
 pub(crate) fn scan(cloud: &Cloud, options: &Options) -> Scan {
@@ -207,7 +198,7 @@ fn voxel_means(cloud: &Cloud) -> Vec<Local> {
 
 /// The same measure for every method: cells on the patches of the scan, at the
 /// spacing that this number of points would have on the surface.
-fn judge(cloud: &Cloud, places: &[Local]) -> Outcome {
+fn judge(cloud: &Cloud, places: &[Local], seconds: f64) -> Outcome {
     let spacing = hexagonal_spacing(cloud, places);
     let options = Method::Ours.options(cloud, spacing);
     let scan = scan(cloud, &options);
@@ -248,13 +239,11 @@ fn judge(cloud: &Cloud, places: &[Local]) -> Outcome {
         sites.iter().filter(|site| of(site)).count() as f64 / sites.len() as f64
     };
     Outcome {
-        spacing,
-        seconds: 0.0,
+        seconds,
         figures: tally.figures(),
         accuracy: accuracy.figures(),
         coverage: coverage.figures(),
         astray,
-        convergence: Vec::new(),
         held: share(|site| site.is_held),
         open: share(|site| !site.is_closed),
     }

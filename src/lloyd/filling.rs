@@ -101,7 +101,7 @@ fn places_at(
     let Some(patch) = Patch::fit(mark, near, radius, options.patch) else {
         return Vec::new();
     };
-    let is_surface = patch.describes(options.fit_radius.min(radius));
+    let is_surface = patch.describes(options.fit_radius);
     if !is_surface || !Surroundings::of(mark, &patch, near, spacing).surround() {
         return Vec::new();
     }

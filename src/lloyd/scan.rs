@@ -183,15 +183,10 @@ impl Scan {
         if self.points[home].iter().any(is_near) {
             return true;
         }
-        let reach = Local::repeat(radius);
-        let (low, high) = (
-            cell_of(place - reach, self.voxel),
-            cell_of(place + reach, self.voxel),
-        );
         let layers = [(&self.voxels, &self.points), (&self.filled, &self.filling)];
         layers.into_iter().any(|(voxels, points)| {
-            let search = voxels.visit_box(low, high, |voxel| {
-                if points[voxels.points_of(voxel)].iter().any(is_near) {
+            let search = self.voxels_around(voxels, place, radius, |range| {
+                if points[range].iter().any(is_near) {
                     ControlFlow::Break(())
                 } else {
                     ControlFlow::Continue(())
@@ -215,33 +210,9 @@ impl Scan {
         radius: f64,
         mut visit: impl FnMut(usize, f64),
     ) {
-        let _ = self.voxels_around(center, radius, |range| {
+        let _ = self.voxels_around(&self.voxels, center, radius, |range| {
             for place in range {
                 let distance_squared = (self.local(place) - center).norm_squared();
-                if distance_squared < radius * radius {
-                    visit(place, distance_squared);
-                }
-            }
-            ControlFlow::<()>::Continue(())
-        });
-    }
-
-    /// The same for the filling.
-    pub(super) fn visit_filling_within(
-        &self,
-        center: Local,
-        radius: f64,
-        mut visit: impl FnMut(usize, f64),
-    ) {
-        let reach = Local::repeat(radius);
-        let (low, high) = (
-            cell_of(center - reach, self.voxel),
-            cell_of(center + reach, self.voxel),
-        );
-        let _ = self.filled.visit_box(low, high, |voxel| {
-            for place in self.filled.points_of(voxel) {
-                let local = self.lattice.local(self.filling[place]);
-                let distance_squared = (local - center).norm_squared();
                 if distance_squared < radius * radius {
                     visit(place, distance_squared);
                 }
@@ -254,17 +225,20 @@ impl Scan {
         self.lattice.local(self.points[place])
     }
 
+    /// Calls `visit` with the points of every voxel of `voxels` that a ball
+    /// touches, until it breaks.
     fn voxels_around<B>(
         &self,
+        voxels: &OccupiedCells,
         center: Local,
         radius: f64,
         mut visit: impl FnMut(Range<usize>) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
         let reach = Local::repeat(radius);
-        self.voxels.visit_box(
+        voxels.visit_box(
             cell_of(center - reach, self.voxel),
             cell_of(center + reach, self.voxel),
-            |voxel| visit(self.voxels.points_of(voxel)),
+            |voxel| visit(voxels.points_of(voxel)),
         )
     }
 
@@ -309,7 +283,7 @@ impl Scan {
     ) -> Option<(Stored, f64)> {
         let mut best: Option<(Stored, f64)> = None;
         let mut limit = radius * radius;
-        let _ = self.voxels_around(place, radius, |range| {
+        let _ = self.voxels_around(&self.voxels, place, radius, |range| {
             for index in range.filter(|&index| Some(index) != own) {
                 let point = self.points[index];
                 let squared = (self.lattice.local(point) - place).norm_squared();

@@ -104,25 +104,36 @@ fn elected(scan: &Scan, options: &Options) -> Vec<Stored> {
 /// Of node places nearer to each other than seeds may be, which is so where one
 /// lattice ends and the next begins, those of lower rank.
 fn elected_nodes(mut places: Vec<(u32, Stored)>, scan: &Scan, options: &Options) -> Vec<Stored> {
-    let radius = ELECTION_RADIUS * options.spacing;
     places.par_sort_unstable_by_key(|&(rank, place)| (rank, priority(place, options.seed), place));
-    let positions: Vec<Local> = places
-        .iter()
-        .map(|&(_, place)| scan.lattice().local(place))
-        .collect();
-    let grid = NeighborGrid::new(&positions, radius);
-    let mut is_covered = vec![false; places.len()];
+    let places: Vec<Stored> = places.into_iter().map(|(_, place)| place).collect();
     let mut seeds = Vec::new();
-    for (number, &(_, place)) in places.iter().enumerate() {
+    elect_in_order(&places, scan, options, &mut seeds);
+    seeds
+}
+
+/// Adds to `seeds`, one after the other, those of `candidates` that are not too
+/// near to one.
+fn elect_in_order(candidates: &[Stored], scan: &Scan, options: &Options, seeds: &mut Vec<Stored>) {
+    let radius = ELECTION_RADIUS * options.spacing;
+    let place_of = |point: Stored| scan.lattice().local(point);
+    let positions: Vec<Local> = candidates.iter().map(|&point| place_of(point)).collect();
+    let grid = NeighborGrid::new(&positions, radius);
+    let mut is_covered = vec![false; candidates.len()];
+    let cover = |seed: Stored, is_covered: &mut [bool]| {
+        let center = place_of(seed);
+        grid.visit_around(center, radius, |other, position| {
+            is_covered[other as usize] |= (position - center).norm_squared() < radius * radius;
+        });
+    };
+    for &seed in &*seeds {
+        cover(seed, &mut is_covered);
+    }
+    for (number, &candidate) in candidates.iter().enumerate() {
         if !is_covered[number] {
-            seeds.push(place);
-            let center = positions[number];
-            grid.visit_around(center, radius, |other, position| {
-                is_covered[other as usize] |= (position - center).norm_squared() < radius * radius;
-            });
+            seeds.push(candidate);
+            cover(candidate, &mut is_covered);
         }
     }
-    seeds
 }
 
 /// To the seeds `first` come points of the scan, until every point is covered
@@ -140,7 +151,10 @@ fn election(scan: &Scan, options: &Options, first: Vec<Stored>, is_loose: &[bool
     }
     election.elect_from_surfaces();
     election.elect_loose();
-    elect_from_filling(scan, options, &mut election.seeds);
+    // At last what no seed covers of the filling.
+    let mut filling = scan.filling().to_vec();
+    filling.sort_unstable_by_key(|&place| (priority(place, options.seed), place));
+    elect_in_order(&filling, scan, options, &mut election.seeds);
     election.seeds
 }
 
@@ -243,28 +257,6 @@ impl Election<'_> {
                     measure(loose[place], &mut nearest);
                 }
             }
-        }
-    }
-}
-
-/// What no seed covers of the filling, by priority.
-fn elect_from_filling(scan: &Scan, options: &Options, seeds: &mut Vec<Stored>) {
-    let filling = scan.filling();
-    let mut is_covered = vec![false; filling.len()];
-    let radius = ELECTION_RADIUS * options.spacing;
-    let cover = |seed: Stored, is_covered: &mut [bool]| {
-        let center = scan.lattice().local(seed);
-        scan.visit_filling_within(center, radius, |other, _| is_covered[other] = true);
-    };
-    for &seed in &*seeds {
-        cover(seed, &mut is_covered);
-    }
-    let mut left: Vec<usize> = (0..filling.len()).filter(|&i| !is_covered[i]).collect();
-    left.sort_unstable_by_key(|&i| (priority(filling[i], options.seed), filling[i]));
-    for place in left {
-        if !is_covered[place] {
-            seeds.push(filling[place]);
-            cover(filling[place], &mut is_covered);
         }
     }
 }

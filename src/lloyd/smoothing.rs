@@ -84,6 +84,14 @@ mod tests {
         spread(k) as f64 / u64::MAX as f64
     }
 
+    fn smooth(points: Vec<Stored>, radius: f64) -> Vec<Stored> {
+        let options = Options {
+            smooth: radius,
+            ..Options::new(0.2)
+        };
+        smoothed(points, &LATTICE, &options)
+    }
+
     /// Points of a bent sheet, and beside it one by one their heights above it.
     fn noisy(thickness: f64) -> Vec<Stored> {
         (0..40_000)
@@ -104,26 +112,18 @@ mod tests {
 
     #[test]
     fn noise_is_taken_off_a_bent_sheet() {
-        let options = Options {
-            smooth: 0.8,
-            ..Options::new(0.2)
-        };
         let points = noisy(0.2);
         let before = mean_height(&points);
-        let after = mean_height(&smoothed(points, &LATTICE, &options));
+        let after = mean_height(&smooth(points, 0.8));
         assert!(after < 0.2 * before, "{before} {after}");
     }
 
     #[test]
     fn the_order_of_the_points_does_not_matter() {
-        let options = Options {
-            smooth: 0.8,
-            ..Options::new(0.2)
-        };
         let points = noisy(0.2);
         let mut turned = points.clone();
         turned.reverse();
-        let mut all = [points, turned].map(|points| smoothed(points, &LATTICE, &options));
+        let mut all = [points, turned].map(|points| smooth(points, 0.8));
         all.iter_mut().for_each(|points| points.sort_unstable());
         assert_eq!(all[0], all[1]);
     }
@@ -136,14 +136,10 @@ mod tests {
                 LATTICE.stored(place * 2.0)
             })
             .collect();
-        let options = Options {
-            smooth: 0.5,
-            ..Options::new(0.1)
-        };
         // In the middle: the outside of a crown does look like a surface.
         let is_inner = |p: &&Stored| [p.x, p.y, p.z].iter().all(|c| (6_000..14_000).contains(c));
         let known: std::collections::BTreeSet<Stored> = points.iter().copied().collect();
-        let after = smoothed(points, &LATTICE, &options);
+        let after = smooth(points, 0.5);
         let inner: Vec<&Stored> = after.iter().filter(is_inner).collect();
         let same = inner.iter().filter(|point| known.contains(point)).count();
         assert!(same > inner.len() * 9 / 10, "{same} of {}", inner.len());
