@@ -53,6 +53,20 @@ fn sheet(n: usize) -> Vec<Stored> {
         .collect()
 }
 
+/// `n` even points, with noise, of a floor and a wall that meet at right angles
+/// in the line x = z = 0.
+fn crease(n: usize, noise: f64) -> Vec<Stored> {
+    let mut dice = Dice(3);
+    (0..n)
+        .map(|i| {
+            let (away, y) = (dice.roll(), 2.0 * dice.roll());
+            let off = noise * (2.0 * dice.roll() - 1.0);
+            let (x, z) = if i % 2 == 0 { (away, off) } else { (off, away) };
+            LATTICE.quantise([x, y, z]).unwrap()
+        })
+        .collect()
+}
+
 /// The spacing of `n` sites on `area`.
 fn spacing(area: f64, n: f64) -> f64 {
     (2.0 * area / n / 3.0_f64.sqrt()).sqrt()
@@ -253,6 +267,34 @@ fn planes_are_fitted_where_they_are_asked_for() {
 }
 
 /// Two halves of a sheet, solved alone, against the whole of it.
+#[test]
+fn edges_are_rounded_less_than_half_as_much_as_by_planes() {
+    let off_the_edge = |patch: PatchKind| {
+        let options = Options {
+            patch,
+            ..Options::new(0.05)
+        };
+        let scan = crease(60_000, 0.002);
+        let sites = run(scan, &Domain::everything(), &options).sites;
+        let near: Vec<f64> = sites
+            .iter()
+            .map(|site| site.position)
+            .filter(|p| p.x.hypot(p.z) < 0.1)
+            .map(|p| {
+                let to_floor = p.z.hypot(p.x.min(0.0));
+                let to_wall = p.x.hypot(p.z.min(0.0));
+                to_floor.min(to_wall)
+            })
+            .collect();
+        near.iter().sum::<f64>() / near.len() as f64
+    };
+    let (quadratic, plane) = (
+        off_the_edge(PatchKind::Quadratic),
+        off_the_edge(PatchKind::Plane),
+    );
+    assert!(quadratic < 0.5 * plane, "{quadratic} {plane}");
+}
+
 #[test]
 fn a_tile_that_sees_enough_has_the_bits_of_the_whole() {
     let h = spacing(4.3, 30_000.0);

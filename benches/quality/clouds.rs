@@ -4,6 +4,7 @@
 use std::{
     f64::consts::TAU,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 use lloydar::{
@@ -12,7 +13,8 @@ use lloydar::{
     simulate::{Street, StreetOptions},
 };
 
-/// Distance from a place (world coordinates) to the true surface.
+/// Distance from a place (world coordinates) to the true surface, or to its
+/// nearest edge.
 pub(crate) type Truth = Box<dyn Fn([f64; 3]) -> f64 + Sync>;
 
 /// A cloud, and how many points are to be made of it.
@@ -22,6 +24,7 @@ pub(crate) struct Cloud {
     pub(crate) lattice: Lattice,
     pub(crate) count: usize,
     pub(crate) truth: Option<Truth>,
+    pub(crate) edge: Option<Truth>,
     /// Reach of the noise, where there is some.
     pub(crate) smooth: Option<f64>,
 }
@@ -134,6 +137,7 @@ fn cloud(name: impl Into<String>, places: &[Local], count: usize, truth: Truth) 
         lattice,
         count,
         truth: Some(truth),
+        edge: None,
         smooth: None,
     }
 }
@@ -229,7 +233,18 @@ fn of_world(name: &str, world: &[[f64; 3]], count: usize, truth: Option<Truth>) 
         lattice,
         count,
         truth,
+        edge: None,
         smooth: None,
+    }
+}
+
+fn of_street(name: &str, street: Street, world: &[[f64; 3]], count: usize) -> Cloud {
+    let street = Arc::new(street);
+    let truth = Arc::clone(&street);
+    Cloud {
+        truth: Some(Box::new(move |place| truth.distance_to_surface(place))),
+        edge: Some(Box::new(move |place| street.distance_to_edge(place))),
+        ..of_world(name, world, count, None)
     }
 }
 
@@ -248,9 +263,8 @@ pub(crate) fn street(points: u64, count: usize) -> Cloud {
         .flat_map(|(pass, slice)| street.slice(pass, slice))
         .map(|p| p.position)
         .collect();
-    let truth: Truth = Box::new(move |place| street.distance_to_surface(place));
     let name = format!("street, {:.1} M to {} K", points as f64 / 1e6, count / 1000);
-    of_world(&name, &world, count, Some(truth))
+    of_street(&name, street, &world, count)
 }
 
 /// A scan from a tripod, as dense as the inverse square of the range (paper,
@@ -258,8 +272,7 @@ pub(crate) fn street(points: u64, count: usize) -> Cloud {
 pub(crate) fn station() -> Cloud {
     let street = street_of(1);
     let world = street.station(60.0, 881_000);
-    let truth: Truth = Box::new(move |place| street.distance_to_surface(place));
-    of_world("tripod, 881 K to 100 K", &world, 100_000, Some(truth))
+    of_street("tripod, 881 K to 100 K", street, &world, 100_000)
 }
 
 /// Positions of a LAS or LAZ file, or of the vertices of a PLY file.

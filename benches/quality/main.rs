@@ -40,9 +40,9 @@ fn main() {
     }
     println!(
         "| cloud | method | n | δ | δ trimmed | σ/d̄ | 1 − ε | energy | area CV | packing | six | min | p1 | \
-         p99 | accuracy mean | p99 | coverage p99 | astray | held | open | s |"
+         p99 | accuracy mean | p99 | at edges | coverage p99 | astray | held | open | s |"
     );
-    println!("|{}", " --- |".repeat(21));
+    println!("|{}", " --- |".repeat(22));
     for (name, make) in named(folder.as_deref()) {
         if !name.contains(&only) {
             continue;
@@ -100,13 +100,14 @@ fn print_row(cloud: &Cloud, method: Method) {
         figures: f,
         accuracy,
         coverage,
+        at_edges,
         astray,
         held,
         open,
     } = methods::run(cloud, method, spacing);
     println!(
         "| {} | {} | {} | {:.4} | {:.4} | {:.4} | {:.4} | {:.4} | {:.4} | {:.4} | {:.3} | {:.3} | {:.3} | {:.3} | \
-         {:.3} h | {:.3} h | {:.2} h | {astray} | {held:.2} | {open:.2} | {seconds:.1} |",
+         {:.3} h | {:.3} h | {:.4} h | {:.2} h | {astray} | {held:.2} | {open:.2} | {seconds:.1} |",
         cloud.name,
         method.name(),
         f.count,
@@ -123,6 +124,7 @@ fn print_row(cloud: &Cloud, method: Method) {
         f.p99,
         accuracy.mean / spacing,
         accuracy.p99 / spacing,
+        at_edges.mean / spacing,
         coverage.p99 / spacing,
     );
 }

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, time::Instant};
 
 use lloydar::{
-    geometry::{Local, NeighborGrid, Stored},
+    geometry::{Local, NeighborGrid, PatchKind, Stored},
     lloyd::{
         AREA_PER_SEED, Acceleration, Domain, Options, Restriction, Scan, SeedRule, Site,
         describe_places, elect, solve,
@@ -20,6 +20,8 @@ pub(crate) enum Method {
     Ours,
     /// The same without acceleration.
     Plain,
+    /// The same with planes for patches, the method of Chen et al.
+    Planes,
     /// Area-weighted seeds, one Anderson mixture and one threshold for the
     /// cloud.
     Paper,
@@ -31,9 +33,10 @@ pub(crate) enum Method {
 }
 
 impl Method {
-    pub(crate) const ALL: [Self; 6] = [
+    pub(crate) const ALL: [Self; 7] = [
         Self::Ours,
         Self::Plain,
+        Self::Planes,
         Self::Paper,
         Self::Poisson,
         Self::Random,
@@ -44,6 +47,7 @@ impl Method {
         match self {
             Self::Ours => "**lloydar**",
             Self::Plain => "no acceleration",
+            Self::Planes => "planar patches",
             Self::Paper => "the paper's settings",
             Self::Poisson => "Poisson seeds alone",
             Self::Random => "random",
@@ -61,6 +65,7 @@ impl Method {
         match self {
             Self::Ours | Self::Random | Self::Voxel => {}
             Self::Plain => options.acceleration = Acceleration::None,
+            Self::Planes => options.patch = PatchKind::Plane,
             Self::Paper => {
                 options.seeds = SeedRule::Area;
                 options.fill = 0.0;
@@ -127,6 +132,9 @@ pub(crate) struct Outcome {
     /// To the truth where it is known, else to the scan.
     pub(crate) accuracy: DistanceFigures,
     pub(crate) coverage: DistanceFigures,
+    /// As the accuracy, of sites within two spacings of an edge; NaN where no
+    /// edges are known.
+    pub(crate) at_edges: DistanceFigures,
     /// Sites farther from the scan than it is dense around them.
     pub(crate) astray: usize,
     pub(crate) held: f64,
@@ -208,6 +216,7 @@ fn judge(cloud: &Cloud, places: &[Local], seconds: f64) -> Outcome {
     let mut tally = UniformityTally::new(spacing);
     let mut accuracy = DistanceTally::new(spacing);
     let mut coverage = DistanceTally::new(spacing);
+    let mut at_edges = DistanceTally::new(spacing);
     let mut astray = 0;
     for (index, site) in (0_u32..).zip(&sites) {
         match grid.nearest(site.position, 8.0 * spacing, |other| other == index) {
@@ -223,11 +232,18 @@ fn judge(cloud: &Cloud, places: &[Local], seconds: f64) -> Outcome {
         }
         let near = scan.nearest(site.position, 8.0 * spacing);
         let to_scan = near.map_or(8.0 * spacing, |(_, distance)| distance);
-        accuracy.push(cloud.truth.as_ref().map_or(to_scan, |truth| {
-            let [x, y, z] = site.position.into();
-            let [a, b, c] = cloud.lattice.offset;
-            truth([x + a, y + b, z + c])
-        }));
+        let [x, y, z] = site.position.into();
+        let [a, b, c] = cloud.lattice.offset;
+        let place = [x + a, y + b, z + c];
+        let off = cloud.truth.as_ref().map_or(to_scan, |truth| truth(place));
+        accuracy.push(off);
+        if cloud
+            .edge
+            .as_ref()
+            .is_some_and(|edge| edge(place) <= 2.0 * spacing)
+        {
+            at_edges.push(off);
+        }
         astray += usize::from(to_scan > 0.5 * spacing && is_astray(&scan, site.position, to_scan));
     }
     for point in scan.representatives() {
@@ -243,6 +259,7 @@ fn judge(cloud: &Cloud, places: &[Local], seconds: f64) -> Outcome {
         figures: tally.figures(),
         accuracy: accuracy.figures(),
         coverage: coverage.figures(),
+        at_edges: at_edges.figures(),
         astray,
         held: share(|site| site.is_held),
         open: share(|site| !site.is_closed),

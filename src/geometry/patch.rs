@@ -12,8 +12,9 @@
 //! tied to the spacing, thinned evenly, and not the k nearest (k points cover
 //! a pinhead where the scan is dense and a house where it is sparse); they
 //! weigh less towards the rim, so that the patch changes smoothly when a
-//! neighbour comes or goes; the frame's origin is the seed itself; and the
-//! surface is kept as a formula, not as a mesh.
+//! neighbour comes or goes; the frame's origin is the seed itself; the surface
+//! is kept as a formula, not as a mesh; and of what a quadratic explains beyond
+//! the plane, the share is left out that noise alone would seem to explain.
 
 use nalgebra::Matrix3;
 
@@ -59,6 +60,9 @@ pub enum PatchKind {
 
 /// With fewer neighbours six coefficients follow the noise: a plane is fitted.
 const MIN_QUADRATIC_SUPPORT: u32 = 9;
+/// A larger residual than this share of the radius is no noise of samples that
+/// are means, but a surface that is none: an edge, leaves.
+const MOST_NOISE: f64 = 0.025;
 /// A worse residual than this share of the smallest detail, and a patch does not
 /// describe its neighbourhood: leaves, clutter, two sheets.
 const WORST_RESIDUAL: f64 = 0.15;
@@ -86,13 +90,15 @@ impl Patch {
         };
 
         // The best fitting plane: weighted mean and covariance.
-        let (mut total, mut mean, mut support) = (0.0, Local::zeros(), 0);
+        let (mut total, mut total_squares) = (0.0, 0.0);
+        let (mut mean, mut support) = (Local::zeros(), 0);
         let mut second = [0.0; 6];
         for &point in neighbors {
             let d = point - seed;
             let w = weight(d);
             let e = d * w;
             total += w;
+            total_squares += w * w;
             mean += e;
             for (sum, term) in second.iter_mut().zip([
                 e.x * d.x,
@@ -142,7 +148,36 @@ impl Patch {
             squares += weight(point - seed) * (height - patch.height(u, v)).powi(2);
         }
         patch.residual = (squares / total).sqrt();
+        let free = total * total / total_squares - 6.0;
+        patch.shrink((spread[2] / total).sqrt(), free.max(1.0), radius);
         Some(patch)
+    }
+
+    /// Takes the patch back towards the plane by the share of its curvature that
+    /// noise would explain, after James and Stein. `flat` is the residual of the
+    /// plane (CRS units), `free` the number of neighbours beyond the coefficients.
+    fn shrink(&mut self, flat: f64, free: f64, radius: f64) {
+        let explained = flat.powi(2) - self.residual.powi(2);
+        let noise = self.residual.min(MOST_NOISE * radius).powi(2);
+        // Three coefficients more than those of the plane.
+        let by_chance = 3.0 * noise / free;
+        let share = if explained > by_chance {
+            1.0 - by_chance / explained
+        } else {
+            0.0
+        };
+        for coefficient in [
+            &mut self.h,
+            &mut self.p,
+            &mut self.q,
+            &mut self.a,
+            &mut self.b,
+            &mut self.c,
+        ] {
+            *coefficient *= share;
+        }
+        let left_out = (1.0 - share).powi(2) * explained.max(0.0);
+        self.residual = (self.residual.powi(2) + left_out).sqrt();
     }
 
     /// Least squares for the six coefficients; leaves the plane where the

@@ -1,7 +1,8 @@
 //! One Lloyd step of one site: its patch, its neighbours, its cell.
 
 use crate::geometry::{
-    Cell, DOMAIN_SIDES, Local, Moments, Neighbor, NeighborGrid, Patch, Reach, domain_corners,
+    Cell, DOMAIN_SIDES, Local, Moments, Neighbor, NeighborGrid, Patch, PatchKind, Reach,
+    domain_corners,
 };
 
 use super::{Options, Restriction, Scan, SeedRule};
@@ -95,6 +96,16 @@ impl Fit {
     }
 }
 
+/// A patch that leaves this much unexplained, in spacings, is near an edge …
+const SHARP: f64 = 0.02;
+/// … and with so much more it reaches …
+const SHARPER: f64 = 0.06;
+/// … this share of its reach less far, so as not to round the edge: if that
+/// explains more, and on so many samples.
+const WITHDRAWN: f64 = 0.15;
+const WITHDRAWN_SUPPORT: u32 = 12;
+const EXPLAINS_MORE: f64 = 0.9;
+
 /// Fits the patch at `site`; `None` where the scan does not carry one.
 /// `samples` is scratch.
 pub(super) fn local_patch(
@@ -114,9 +125,21 @@ pub(super) fn local_patch(
     });
     let patch = Patch::fit(site, samples, radius, options.patch)?;
     Some(Fit {
-        patch,
+        patch: sharper(&patch, site, samples, options).unwrap_or(patch),
         anchor: site,
         input_spacing: radius * (std::f64::consts::PI / points as f64).sqrt(),
+    })
+}
+
+/// The patch that keeps to what is nearer, where `patch` rounds an edge.
+fn sharper(patch: &Patch, site: Local, samples: &[Local], options: &Options) -> Option<Patch> {
+    let excess = patch.residual / options.spacing - SHARP;
+    if excess <= 0.0 || options.patch == PatchKind::Plane {
+        return None;
+    }
+    let reach = 1.0 - WITHDRAWN * (excess / SHARPER).min(1.0);
+    Patch::fit(site, samples, options.fit_radius * reach, options.patch).filter(|sharper| {
+        sharper.support >= WITHDRAWN_SUPPORT && sharper.residual < EXPLAINS_MORE * patch.residual
     })
 }
 

@@ -172,6 +172,12 @@ impl Street {
     pub fn distance_to_surface(&self, position: [f64; 3]) -> f64 {
         self.distance(from_world(position))
     }
+
+    /// Distance from `position` (world coordinates, m) to the nearest edge of
+    /// kerbs, boxes, walls and windows; infinite beyond 40 m.
+    pub fn distance_to_edge(&self, position: [f64; 3]) -> f64 {
+        self.edge_distance(from_world(position))
+    }
 }
 
 /// ASPRS class, brightness to the laser, and colour.

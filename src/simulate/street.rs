@@ -39,10 +39,16 @@ type Pothole = [f64; 4];
 pub struct Street {
     pub(super) options: StreetOptions,
     shapes: Vec<(Shape, Material)>,
-    /// Places in `shapes` by bin, row by row along the street.
-    bins: Vec<Vec<u32>>,
+    bins: Bins,
+    /// Where two rectangles meet at an angle.
+    edges: Vec<[Local; 2]>,
+    edge_bins: Bins,
     potholes: Vec<Pothole>,
 }
+
+/// Numbers of what is in each bin, row by row along the street.
+#[derive(Debug, Default)]
+struct Bins(Vec<Vec<u32>>);
 
 /// Numbers from a hash, one after the other.
 struct Dice(u64);
@@ -60,7 +66,9 @@ impl Street {
         let mut street = Self {
             options,
             shapes: Vec::new(),
-            bins: Vec::new(),
+            bins: Bins::default(),
+            edges: Vec::new(),
+            edge_bins: Bins::default(),
             potholes: Vec::new(),
         };
         let blocks = (options.length / BLOCK).ceil().max(1.0) as u64;
@@ -68,7 +76,14 @@ impl Street {
             let mut dice = Dice(spread(options.seed) ^ spread(block));
             street.build_block(block as f64 * BLOCK, &mut dice);
         }
-        street.sort_into_bins();
+        let length = street.options.length;
+        street.bins = Bins::new(
+            length,
+            street.shapes.iter().map(|(shape, _)| shape.bounds()),
+        );
+        street.edges = street.find_edges();
+        let bounds = street.edges.iter().map(|[a, b]| (a.inf(b), a.sup(b)));
+        street.edge_bins = Bins::new(length, bounds);
         street
     }
 
@@ -264,38 +279,35 @@ impl Street {
         }
     }
 
-    fn sort_into_bins(&mut self) {
-        let columns = (2.0 * HALF_WIDTH / BIN) as usize;
-        let rows = ((self.options.length + 3.0 * BLOCK) / BIN).ceil() as usize;
-        self.bins = vec![Vec::new(); rows * columns];
-        for (number, (shape, _)) in (0u32..).zip(&self.shapes) {
-            let (low, high) = shape.bounds();
-            let range = |low: f64, high: f64, most: usize| {
-                let place = |c: f64| (c / BIN).floor().max(0.0) as usize;
-                place(low)..=place(high).min(most - 1)
+    /// The borders of rectangles that lie on another one at an angle, or on the
+    /// road.
+    fn find_edges(&self) -> Vec<[Local; 2]> {
+        let rectangle = |number: u32| match self.shapes[number as usize].0 {
+            Shape::Rectangle { corner, edges } => Some((corner, edges)),
+            _ => None,
+        };
+        let mut found = Vec::new();
+        for own in 0..self.shapes.len() as u32 {
+            let Some((corner, [a, b])) = rectangle(own) else {
+                continue;
             };
-            for row in range(low.x - 1e-6 + BLOCK, high.x + 1e-6 + BLOCK, rows) {
-                for column in range(
-                    low.y - 1e-6 + HALF_WIDTH,
-                    high.y + 1e-6 + HALF_WIDTH,
-                    columns,
-                ) {
-                    self.bins[row * columns + column].push(number);
+            let normal = a.cross(&b).normalize();
+            let borders = [(corner, a), (corner + b, a), (corner, b), (corner + a, b)];
+            for (start, along) in borders {
+                let middle = start + along * 0.5;
+                let meets = |&other: &u32| {
+                    rectangle(other).is_some_and(|(_, [a, b])| {
+                        normal.dot(&a.cross(&b).normalize()).abs() < 0.9
+                            && self.shapes[other as usize].0.distance(middle) < 1e-9
+                    })
+                };
+                let bin = self.bins.bin(bin_of(middle));
+                if bin.iter().any(meets) || self.distance_to_road(middle) < 1e-9 {
+                    found.push([start, start + along]);
                 }
             }
         }
-    }
-
-    fn bin(&self, x: i64, y: i64) -> &[u32] {
-        let columns = (2.0 * HALF_WIDTH / BIN) as i64;
-        let row = x + (BLOCK / BIN) as i64;
-        let column = y + (HALF_WIDTH / BIN) as i64;
-        if row < 0 || !(0..columns).contains(&column) {
-            return &[];
-        }
-        self.bins
-            .get((row * columns + column) as usize)
-            .map_or(&[], Vec::as_slice)
+        found
     }
 
     /// Whether there is road below or above `point`.
@@ -382,7 +394,7 @@ impl Street {
         });
         let mut entered = 0.0;
         while entered < range && best.is_none_or(|(t, ..)| entered <= t) {
-            for &number in self.bin(cell[0], cell[1]) {
+            for &number in self.bins.bin(cell) {
                 let (shape, material) = &self.shapes[number as usize];
                 if let Some((t, normal)) = shape.hit(origin, direction)
                     && t < best.map_or(range, |(b, ..)| b)
@@ -403,27 +415,21 @@ impl Street {
 
     /// Distance from `point` (street coordinates) to the nearest surface.
     pub(super) fn distance(&self, point: Local) -> f64 {
-        let road = self.distance_to_road(point);
-        let [x, y] = [
-            (point.x / BIN).floor() as i64,
-            (point.y / BIN).floor() as i64,
-        ];
-        let mut best = road;
-        let mut ring: i32 = 0;
-        // Rings of bins, until none farther out can hold anything nearer.
-        while f64::from(ring - 1) * BIN < best && ring < 40 {
-            for dx in -ring..=ring {
-                for dy in -ring..=ring {
-                    if dx.abs().max(dy.abs()) == ring {
-                        for &number in self.bin(x + i64::from(dx), y + i64::from(dy)) {
-                            best = best.min(self.shapes[number as usize].0.distance(point));
-                        }
-                    }
-                }
-            }
-            ring += 1;
-        }
-        best
+        let to_shape = |number: u32| self.shapes[number as usize].0.distance(point);
+        self.bins
+            .nearest(point, self.distance_to_road(point), to_shape)
+    }
+
+    /// Distance from `point` (street coordinates) to the nearest edge at which
+    /// two plane surfaces meet, infinite beyond 40 m.
+    pub(super) fn edge_distance(&self, point: Local) -> f64 {
+        let to_edge = |number: u32| {
+            let [a, b] = self.edges[number as usize];
+            let along = b - a;
+            let share = (point - a).dot(&along) / along.norm_squared();
+            (point - a - along * share.clamp(0.0, 1.0)).norm()
+        };
+        self.edge_bins.nearest(point, f64::INFINITY, to_edge)
     }
 
     #[cfg(test)]
@@ -433,5 +439,68 @@ impl Street {
             .iter()
             .map(|(shape, _)| shape.distance(point))
             .fold(road, f64::min)
+    }
+}
+
+/// Row and column of the bin above or below `point`.
+fn bin_of(point: Local) -> [i64; 2] {
+    [point.x, point.y].map(|c| (c / BIN).floor() as i64)
+}
+
+impl Bins {
+    /// Sorts things of these bounds, over a street of `length`.
+    fn new(length: f64, bounds: impl Iterator<Item = (Local, Local)>) -> Self {
+        let columns = (2.0 * HALF_WIDTH / BIN) as usize;
+        let rows = ((length + 3.0 * BLOCK) / BIN).ceil() as usize;
+        let mut bins = vec![Vec::new(); rows * columns];
+        for (number, (low, high)) in (0_u32..).zip(bounds) {
+            let range = |low: f64, high: f64, most: usize| {
+                let place = |c: f64| (c / BIN).floor().max(0.0) as usize;
+                place(low)..=place(high).min(most - 1)
+            };
+            for row in range(low.x - 1e-6 + BLOCK, high.x + 1e-6 + BLOCK, rows) {
+                for column in range(
+                    low.y - 1e-6 + HALF_WIDTH,
+                    high.y + 1e-6 + HALF_WIDTH,
+                    columns,
+                ) {
+                    bins[row * columns + column].push(number);
+                }
+            }
+        }
+        Self(bins)
+    }
+
+    fn bin(&self, [x, y]: [i64; 2]) -> &[u32] {
+        let columns = (2.0 * HALF_WIDTH / BIN) as i64;
+        let row = x + (BLOCK / BIN) as i64;
+        let column = y + (HALF_WIDTH / BIN) as i64;
+        if row < 0 || !(0..columns).contains(&column) {
+            return &[];
+        }
+        self.0
+            .get((row * columns + column) as usize)
+            .map_or(&[], Vec::as_slice)
+    }
+
+    /// The least `distance` of anything to `point`, or `limit` if that is less.
+    fn nearest(&self, point: Local, limit: f64, distance: impl Fn(u32) -> f64) -> f64 {
+        let [x, y] = bin_of(point);
+        let mut best = limit;
+        let mut ring: i64 = 0;
+        // Rings of bins, until none farther out can hold anything nearer.
+        while (ring - 1) as f64 * BIN < best && ring < 40 {
+            for dx in -ring..=ring {
+                for dy in -ring..=ring {
+                    if dx.abs().max(dy.abs()) == ring {
+                        for &number in self.bin([x + dx, y + dy]) {
+                            best = best.min(distance(number));
+                        }
+                    }
+                }
+            }
+            ring += 1;
+        }
+        best
     }
 }
