@@ -48,7 +48,7 @@ fn main() {
             continue;
         }
         let Some(cloud) = make() else { continue };
-        for &method in methods {
+        for &method in methods.iter().filter(|method| method.can(&cloud)) {
             print_row(&cloud, method);
         }
     }

@@ -55,6 +55,12 @@ impl Method {
         }
     }
 
+    /// Whether the method can make as many points as are asked for: thinning
+    /// makes none.
+    pub(crate) fn can(self, cloud: &Cloud) -> bool {
+        cloud.count <= cloud.points.len() || !matches!(self, Self::Poisson | Self::Random)
+    }
+
     pub(crate) fn options(self, cloud: &Cloud, spacing: f64) -> Options {
         let mut options = Options::new(spacing);
         if let Some(smooth) = cloud.smooth {

@@ -178,7 +178,7 @@ impl Nodes {
         // The patch may be tilted against the lattice: its foot is a little
         // beside the node, and much less so the second time.
         let place = fit.patch.foot_point(to_node(fit.patch.foot_point(above)));
-        (fit.is_trusted(options) && is_allowed(scan, &fit, place, options)).then_some(place)
+        (fit.is_trusted() && is_allowed(scan, &fit, place, options)).then_some(place)
     }
 }
 

@@ -411,7 +411,7 @@ impl<'a> Sites<'a> {
                     identity: identities[around.site],
                     position: around.place,
                     is_exact: step.is_exact,
-                    is_held: !step.fit.is_some_and(|fit| fit.is_trusted(options)),
+                    is_held: !step.fit.is_some_and(|fit| fit.is_trusted()),
                     is_closed: moments.is_some() && cell.is_closed(),
                     neighbors: u8::try_from(cell.neighbor_count()).unwrap_or(u8::MAX),
                     area: moments.map_or(0.0, |m| m.area),
@@ -517,11 +517,11 @@ impl Step {
             && is_known(around.place, security.sqrt(), cone, scan.lattice());
         // IV-B, IV-D, IV-E: the centroid, on the patch, near the scan.
         if let Some(moments) = moments
-            && fit.is_trusted(options)
+            && fit.is_trusted()
         {
             let centroid = fit.patch.foot_point(moments.centroid);
             // The less sure the surface, the shorter the step.
-            let step = (centroid - around.place) * fit.trust(options);
+            let step = (centroid - around.place) * fit.trust;
             let target = around.keeping_clear(around.place + step);
             if is_allowed(scan, fit, target, options) {
                 self.target = target;

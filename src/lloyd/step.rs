@@ -44,6 +44,8 @@ pub(super) struct Fit {
     anchor: Local,
     /// Spacing of the scan around it (CRS units).
     pub(super) input_spacing: f64,
+    /// What share of a step may be taken by the patch.
+    pub(super) trust: f64,
 }
 
 impl Fit {
@@ -85,14 +87,9 @@ impl Fit {
         reach.map(|reach| (reach + margin).min(DOMAIN_RADIUS * spacing))
     }
 
-    /// What share of a step may be taken by the patch.
-    pub(super) fn trust(&self, options: &Options) -> f64 {
-        self.patch.trust(options.fit_radius.max(options.spacing))
-    }
-
     /// Whether the patch describes its neighbourhood well enough to move by.
-    pub(super) fn is_trusted(&self, options: &Options) -> bool {
-        self.trust(options) > 0.0
+    pub(super) fn is_trusted(&self) -> bool {
+        self.trust > 0.0
     }
 }
 
@@ -128,6 +125,8 @@ pub(super) fn local_patch(
         patch: sharper(&patch, site, samples, options).unwrap_or(patch),
         anchor: site,
         input_spacing: radius * (std::f64::consts::PI / points as f64).sqrt(),
+        // A sharper patch finds a surface in leaves, too.
+        trust: patch.trust(radius.max(options.spacing)),
     })
 }
 
