@@ -32,7 +32,7 @@ impl NeighborGrid {
     /// Unless `edge` is positive; and as [`OccupiedCells::sort`].
     pub fn new(points: &[Local], edge: f64) -> Self {
         assert!(edge > 0.0, "an edge of {edge}");
-        let (cells, order) = OccupiedCells::sort(points.iter().map(|&p| cell_of(p, edge)), |_| ());
+        let (cells, order) = OccupiedCells::sort(points.iter().map(|&p| cell_of(p, edge)));
         Self {
             edge,
             cells,

@@ -14,7 +14,7 @@ use std::ops::{ControlFlow, Range};
 
 use rayon::prelude::*;
 
-use super::Local;
+use super::{Local, Stored};
 
 /// Where a cell lies: whole cells from the local origin.
 pub type CellIndex = [i32; 3];
@@ -39,6 +39,8 @@ pub struct OccupiedCells {
     base: CellIndex,
     /// … and the last.
     top: CellIndex,
+    /// Bits of a brick's key for its place on each axis.
+    bits: [u32; 3],
     bricks: Vec<Brick>,
     /// Points `starts[k]..starts[k + 1]` lie in the k-th occupied cell.
     starts: Vec<u32>,
@@ -60,24 +62,19 @@ const BRICK_SHIFT: u32 = 2;
 /// Bits of the place of a cell in its brick.
 const CELL_BITS: u32 = 3 * BRICK_SHIFT;
 const CELL_MASK: i32 = (1 << BRICK_SHIFT) - 1;
-/// Bricks on an axis, as a power of two: three of these and the cell's bits
-/// fill a word.
-const AXIS_BITS: u32 = 19;
-
 const EMPTY: u32 = u32::MAX;
 
 impl OccupiedCells {
     /// Sorts points by cell: the result's second part gives, in sorted order,
-    /// the place of each point in the input. Within a cell `tie` decides, then
-    /// the order of the input.
+    /// the place of each point in the input. Within a cell the order of the
+    /// input stays.
     ///
     /// # Panics
     ///
-    /// Unless there are fewer than 2³² points, spanning less than 2²¹ cells on
-    /// each axis (a tile does).
-    pub fn sort<T: Ord>(
+    /// Unless there are fewer than 2³² points, in a box of fewer than 2⁵⁸ cells
+    /// (a tile's are).
+    pub fn sort(
         cells_of_points: impl ExactSizeIterator<Item = CellIndex> + Clone,
-        tie: impl Fn(u32) -> T + Sync,
     ) -> (Self, Vec<u32>) {
         let count = u32::try_from(cells_of_points.len()).expect("a tile has under 2^32 points");
         let (mut base, mut top) = ([i32::MAX; 3], [i32::MIN; 3]);
@@ -87,21 +84,73 @@ impl OccupiedCells {
                 top[axis] = top[axis].max(index[axis] >> BRICK_SHIFT);
             }
         }
-        let mut keyed: Vec<(u64, u32)> = cells_of_points
-            .zip(0..count)
-            .map(|(index, place)| {
-                let brick = brick_key(index.map(|c| c >> BRICK_SHIFT), base)
-                    .expect("a tile spans less than 2^21 cells");
-                (brick << CELL_BITS | u64::from(bit_of(index)), place)
-            })
-            .collect();
-        keyed.par_sort_unstable_by(|&(a, i), &(b, j)| {
-            a.cmp(&b).then_with(|| tie(i).cmp(&tie(j))).then(i.cmp(&j))
+        let bits = [0, 1, 2].map(|axis| {
+            let last = i64::from(top[axis]) - i64::from(base[axis]);
+            (last.max(0) as u64 + 1)
+                .next_power_of_two()
+                .trailing_zeros()
         });
-        let mut bricks: Vec<Brick> = Vec::new();
-        let mut starts = Vec::new();
-        let mut last = None;
-        for (start, &(key, _)) in (0u32..).zip(&keyed) {
+        let key_bits = bits.iter().sum::<u32>() + CELL_BITS;
+        assert!(key_bits <= u64::BITS, "a tile of 2^{key_bits} cells");
+        let keyed = cells_of_points.zip(0..count).map(|(index, place)| {
+            let brick = index.map(|c| c >> BRICK_SHIFT);
+            let brick = brick_key(brick, base, bits).expect("between the first and the last");
+            (brick << CELL_BITS | u64::from(bit_of(index)), place)
+        });
+        // One word to a point, if there is room for the key and the place, sorts
+        // several times as fast.
+        let place_bits = u32::BITS - count.leading_zeros();
+        let mut occupied = Self {
+            base,
+            top,
+            bits,
+            bricks: Vec::new(),
+            starts: Vec::new(),
+            table: Vec::new(),
+        };
+        let order = if key_bits + place_bits <= u64::BITS {
+            let mut words: Vec<u64> = keyed
+                .map(|(key, place)| key << place_bits | u64::from(place))
+                .collect();
+            words.par_sort_unstable();
+            occupied.group(words.iter().map(|word| word >> place_bits));
+            let mask = (1 << place_bits) - 1;
+            words.iter().map(|word| (word & mask) as u32).collect()
+        } else {
+            let mut pairs: Vec<(u64, u32)> = keyed.collect();
+            pairs.par_sort_unstable();
+            occupied.group(pairs.iter().map(|&(key, _)| key));
+            pairs.into_iter().map(|(_, place)| place).collect()
+        };
+        (occupied, order)
+    }
+
+    /// Sorts `points` by the cell that `cell_of` says, and within a cell by their
+    /// coordinates, whatever order they came in.
+    ///
+    /// # Panics
+    ///
+    /// As [`sort`](Self::sort).
+    pub fn sort_points(
+        points: &[Stored],
+        cell_of: impl Fn(Stored) -> CellIndex + Clone + Sync,
+    ) -> (Self, Vec<Stored>) {
+        let (occupied, order) = Self::sort(points.iter().map(|&point| cell_of(point)));
+        let mut sorted: Vec<Stored> = order.iter().map(|&i| points[i as usize]).collect();
+        drop(order);
+        sorted
+            .par_chunk_by_mut(|&a, &b| cell_of(a) == cell_of(b))
+            .for_each(<[Stored]>::sort_unstable);
+        (occupied, sorted)
+    }
+
+    /// Makes bricks and ranges of the sorted `keys` of points.
+    fn group(&mut self, keys: impl Iterator<Item = u64>) {
+        let (bricks, starts) = (&mut self.bricks, &mut self.starts);
+        let (mut last, mut count) = (None, 0_u32);
+        for key in keys {
+            let start = count;
+            count += 1;
             if last == Some(key) {
                 continue;
             }
@@ -118,16 +167,7 @@ impl OccupiedCells {
             starts.push(start);
         }
         starts.push(count);
-        let table = hash_table(&bricks);
-        let order = keyed.into_iter().map(|(_, place)| place).collect();
-        let occupied = Self {
-            base,
-            top,
-            bricks,
-            starts,
-            table,
-        };
-        (occupied, order)
+        self.table = hash_table(bricks);
     }
 
     /// Number of occupied cells.
@@ -206,7 +246,7 @@ impl OccupiedCells {
     }
 
     fn brick(&self, brick: CellIndex) -> Option<&Brick> {
-        let key = brick_key(brick, self.base)?;
+        let key = brick_key(brick, self.base, self.bits)?;
         let mask = self.table.len() - 1;
         let mut slot = spread(key) as usize & mask;
         loop {
@@ -260,14 +300,14 @@ fn bit_of(index: CellIndex) -> u32 {
 
 /// Three brick indices in one integer that sorts by z, y, x; `None` if the
 /// brick is out of range of `base`.
-fn brick_key(brick: CellIndex, base: CellIndex) -> Option<u64> {
+fn brick_key(brick: CellIndex, base: CellIndex, bits: [u32; 3]) -> Option<u64> {
     let mut key = 0u64;
     for axis in [2, 1, 0] {
         let from_base = i64::from(brick[axis]) - i64::from(base[axis]);
-        if !(0..1 << AXIS_BITS).contains(&from_base) {
+        if !(0..1 << bits[axis]).contains(&from_base) {
             return None;
         }
-        key = key << AXIS_BITS | from_base as u64;
+        key = key << bits[axis] | from_base as u64;
     }
     Some(key)
 }
@@ -292,7 +332,7 @@ mod tests {
         let cells: Vec<CellIndex> = (0..900)
             .map(|i| [0, 1, 2].map(|axis| (spread(3 * i + axis) % 23) as i32 - 11))
             .collect();
-        let (occupied, order) = OccupiedCells::sort(cells.iter().copied(), |_| ());
+        let (occupied, order) = OccupiedCells::sort(cells.iter().copied());
         for k in 0..200 {
             let corner = |salt: u64| {
                 [0, 1, 2].map(|axis| (spread(1000 * salt + 3 * k + axis) % 29) as i32 - 14)

@@ -180,7 +180,7 @@ impl Blocks {
                 .collect()
         });
         let block = |site: usize| places.as_ref().map_or([0; 3], |p| cell_of(p[site], 1.0));
-        let (cells, order) = OccupiedCells::sort((0..identities.len()).map(block), |_| ());
+        let (cells, order) = OccupiedCells::sort((0..identities.len()).map(block));
         let indices = cells
             .ranges()
             .map(|range| block(order[range.start] as usize))

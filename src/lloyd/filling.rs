@@ -68,7 +68,7 @@ pub(super) fn filling(scan: &Scan, options: &Options) -> Vec<Stored> {
 /// Means of the samples in cells of `edge` (CRS units).
 fn landmarks(scan: &Scan, edge: f64) -> Vec<Local> {
     let samples = scan.samples().points();
-    let (cells, order) = OccupiedCells::sort(samples.iter().map(|&p| cell_of(p, edge)), |_| ());
+    let (cells, order) = OccupiedCells::sort(samples.iter().map(|&p| cell_of(p, edge)));
     let mean = |range: Range<usize>| {
         let count = range.len() as f64;
         let held = order[range].iter().map(|&place| samples[place as usize]);

@@ -14,7 +14,7 @@
 //! origin: two tiles, and two ends of a long wall, have the same nodes. Only
 //! products and roots are used, so that every machine finds the same bits.
 
-use std::ops::ControlFlow;
+use std::{cmp::Ordering, ops::ControlFlow};
 
 use rayon::prelude::*;
 
@@ -46,14 +46,37 @@ const SAME_SURFACE: f64 = 0.87;
 const FLATNESS: f64 = 0.15;
 const ROUNDNESS: f64 = 0.3;
 
+/// Samples nearer to each other than this, in spacings, and nearest to one node
+/// are of one surface.
+const ONE_NODE: f64 = 0.8;
+
 /// The lattices of a scan.
 pub(super) struct Nodes {
     spacing: f64,
     /// The samples of the scan by cell.
     cells: OccupiedCells,
     order: Vec<u32>,
-    /// For each occupied cell the axes of its lattice, if it has one.
-    axes: Vec<Option<[Local; 2]>>,
+    /// For each occupied cell its lattice, if it has one.
+    hexagons: Vec<Option<Hexagons>>,
+}
+
+/// A hexagonal lattice by the directions along and across its rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Hexagons {
+    /// The same for the same lattice.
+    key: [i8; 4],
+    axes: [Local; 2],
+}
+
+/// A sample near a node.
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    hexagons: Hexagons,
+    /// The node, by row and column.
+    node: [i64; 2],
+    /// Its squared distance from the line through the node, in spacings.
+    squared: f64,
+    sample: Local,
 }
 
 impl Nodes {
@@ -61,7 +84,7 @@ impl Nodes {
     pub(super) fn new(scan: &Scan, options: &Options) -> Self {
         let edge = CELL * options.spacing;
         let samples = scan.samples().points();
-        let (cells, order) = OccupiedCells::sort(samples.iter().map(|&p| cell_of(p, edge)), |_| ());
+        let (cells, order) = OccupiedCells::sort(samples.iter().map(|&p| cell_of(p, edge)));
         let ranges: Vec<_> = cells.ranges().collect();
         let normals: Vec<(CellIndex, Option<Local>)> = ranges
             .into_par_iter()
@@ -73,7 +96,7 @@ impl Nodes {
                 (cell_of(middle, edge), normal)
             })
             .collect();
-        let axes = normals
+        let hexagons = normals
             .par_iter()
             .map(|&(index, own)| {
                 let own = own?;
@@ -90,53 +113,81 @@ impl Nodes {
                     }
                     ControlFlow::<()>::Continue(())
                 });
-                Some(axes(sum))
+                Some(Hexagons::across(sum))
             })
             .collect();
         Self {
             spacing: options.spacing,
             cells,
             order,
-            axes,
+            hexagons,
         }
     }
 
     /// Whether there is a lattice, and so a surface, at `place`.
     pub(super) fn have(&self, place: Local) -> bool {
         let cell = self.cells.place(cell_of(place, CELL * self.spacing));
-        cell.is_some_and(|cell| self.axes[cell].is_some())
+        cell.is_some_and(|cell| self.hexagons[cell].is_some())
     }
 
     /// The nodes that the scan has a surface at, on its patches, each with its
     /// distance to the sample that it was found from (in thousandths of a
-    /// spacing). A node may be found from more than one cell.
+    /// spacing).
     pub(super) fn places(&self, scan: &Scan, options: &Options) -> Vec<(u32, Stored)> {
-        let samples = scan.samples().points();
-        let ranges: Vec<_> = self.cells.ranges().zip(&self.axes).collect();
-        ranges
+        self.candidates(scan)
             .into_par_iter()
-            .filter_map(|(range, axes)| Some((range, (*axes)?)))
-            .map_init(Vec::new, |near, (range, axes)| {
-                // Of the cell's samples the one nearest to each node.
-                let mut best: Vec<([i64; 2], f64, Local)> = Vec::new();
-                for &place in &self.order[range] {
-                    let sample = samples[place as usize];
-                    let (node, [along, across]) = self.nearest_node(sample, axes);
-                    let squared = along * along + across * across;
-                    match best.iter_mut().find(|(other, ..)| *other == node) {
-                        Some(known) if squared < known.1 => *known = (node, squared, sample),
-                        Some(_) => {}
-                        None => best.push((node, squared, sample)),
-                    }
-                }
-                best.into_iter()
-                    .filter_map(|(_, squared, sample)| {
-                        let place = self.on_patch(sample, axes, scan, options, near)?;
-                        Some(((squared.sqrt() * 1e3) as u32, scan.lattice().stored(place)?))
-                    })
-                    .collect::<Vec<_>>()
+            .map_init(Vec::new, |near, candidate| {
+                let place = self.on_patch(&candidate, scan, options, near)?;
+                let rank = (candidate.squared.sqrt() * 1e3) as u32;
+                Some((rank, scan.lattice().stored(place)?))
             })
             .flatten_iter()
+            .collect()
+    }
+
+    /// The samples nearest to the nodes of their lattices.
+    fn candidates(&self, scan: &Scan) -> Vec<Candidate> {
+        let samples = scan.samples().points();
+        let cells: Vec<_> = self.cells.ranges().zip(&self.hexagons).collect();
+        let mut candidates: Vec<Candidate> = cells
+            .into_par_iter()
+            .filter_map(|(range, hexagons)| Some((range, (*hexagons)?)))
+            .map(|(range, hexagons)| {
+                // Of the cell's samples the one nearest to each node.
+                let mut best: Vec<Candidate> = Vec::new();
+                for &place in &self.order[range] {
+                    let sample = samples[place as usize];
+                    let (node, [along, across]) = self.nearest_node(sample, hexagons.axes);
+                    let candidate = Candidate {
+                        hexagons,
+                        node,
+                        squared: along * along + across * across,
+                        sample,
+                    };
+                    match best.iter_mut().find(|known| known.node == node) {
+                        Some(known) if candidate.squared < known.squared => *known = candidate,
+                        Some(_) => {}
+                        None => best.push(candidate),
+                    }
+                }
+                best
+            })
+            .flatten_iter()
+            .collect();
+        candidates.par_sort_unstable_by(Candidate::cmp);
+        // Most nodes were found from more than one cell.
+        let is_best = |own: &Candidate, others: &[Candidate]| {
+            let near = ONE_NODE * self.spacing;
+            let is_own = |other: &&Candidate| (other.sample - own.sample).norm() < near;
+            others
+                .iter()
+                .take_while(|other| other.cmp(own).is_lt())
+                .find(is_own)
+                .is_none()
+        };
+        candidates
+            .par_chunk_by(|a, b| a.node == b.node && a.hexagons.key == b.hexagons.key)
+            .flat_map_iter(|found| found.iter().filter(|own| is_best(own, found)).copied())
             .collect()
     }
 
@@ -163,8 +214,11 @@ impl Nodes {
     /// one that the node is near to.
     fn on_patch(
         &self,
-        sample: Local,
-        axes: [Local; 2],
+        &Candidate {
+            hexagons: Hexagons { axes, .. },
+            sample,
+            ..
+        }: &Candidate,
         scan: &Scan,
         options: &Options,
         near: &mut Vec<Local>,
@@ -174,11 +228,11 @@ impl Nodes {
             place - (axes[0] * along + axes[1] * across) * self.spacing
         };
         let above = to_node(sample);
-        let fit = local_patch(scan, above, options, near)?;
+        let mut fit = local_patch(scan, above, options, near)?;
         // The patch may be tilted against the lattice: its foot is a little
         // beside the node, and much less so the second time.
         let place = fit.patch.foot_point(to_node(fit.patch.foot_point(above)));
-        (fit.is_trusted() && is_allowed(scan, &fit, place, options)).then_some(place)
+        (fit.is_trusted() && is_allowed(scan, &mut fit, place, options)).then_some(place)
     }
 }
 
@@ -190,17 +244,40 @@ fn normal(scan: &Scan, middle: Local, radius: f64, near: &mut Vec<Local>) -> Opt
     (patch.residual <= FLATNESS * radius && patch.roundness >= ROUNDNESS).then(|| patch.normal())
 }
 
-/// Perpendicular directions in the plane whose normal is `normal`, rounded.
-fn axes(normal: Local) -> [Local; 2] {
-    let largest = normal.iamax();
-    let mut rounded =
-        normal.map(|c| ((c / normal[largest] / STEP).round() * STEP).clamp(-1.0, 1.0));
-    rounded[largest] = 1.0;
-    let n = rounded.normalize();
-    let mut u = Local::zeros();
-    u[(largest + 1) % 3] = 1.0;
-    let u = (u - n * n.dot(&u)).normalize();
-    [u, n.cross(&u)]
+impl Hexagons {
+    /// The lattice in the plane whose normal is `normal`, rounded.
+    fn across(normal: Local) -> Self {
+        let largest = normal.iamax();
+        let mut steps = normal.map(|c| (c / normal[largest] / STEP).round());
+        steps[largest] = 2.0;
+        let n = steps.map(|c| (c * STEP).clamp(-1.0, 1.0)).normalize();
+        let mut u = Local::zeros();
+        u[(largest + 1) % 3] = 1.0;
+        let u = (u - n * n.dot(&u)).normalize();
+        let [x, y, z] = steps.map(|c| c as i8).into();
+        Self {
+            key: [largest as i8, x, y, z],
+            axes: [u, n.cross(&u)],
+        }
+    }
+}
+
+impl Candidate {
+    /// By lattice, node, and how near they are to it.
+    fn cmp(&self, other: &Self) -> Ordering {
+        let coordinates = |candidate: &Self| -> [f64; 3] { candidate.sample.into() };
+        let key = |candidate: &Self| (candidate.hexagons.key, candidate.node);
+        key(self)
+            .cmp(&key(other))
+            .then(self.squared.total_cmp(&other.squared))
+            .then_with(|| {
+                let [own, other] = [self, other].map(coordinates);
+                let both = own.iter().zip(&other);
+                both.map(|(a, b)| a.total_cmp(b))
+                    .find(|order| order.is_ne())
+                    .unwrap_or(Ordering::Equal)
+            })
+    }
 }
 
 #[cfg(test)]
@@ -247,15 +324,15 @@ mod tests {
 
     #[test]
     fn planes_of_like_normals_have_the_same_lattice() {
-        let turned = |by: f64| axes(Local::new(0.03 * by, -0.02, 1.0));
+        let turned = |by: f64| Hexagons::across(Local::new(0.03 * by, -0.02, 1.0));
         assert_eq!(turned(1.0), turned(-2.0));
         // Nor does the side matter from which a plane is seen.
         assert_eq!(
-            axes(Local::new(0.1, 0.9, -0.2)),
-            axes(-Local::new(0.1, 0.9, -0.2))
+            Hexagons::across(Local::new(0.1, 0.9, -0.2)),
+            Hexagons::across(-Local::new(0.1, 0.9, -0.2))
         );
         for normal in [Local::new(0.5, 0.6, 1.0), Local::new(-1.0, 0.2, 0.1)] {
-            let [u, v] = axes(normal);
+            let [u, v] = Hexagons::across(normal).axes;
             assert!(u.dot(&v).abs() < 1e-12 && (u.norm() - 1.0).abs() < 1e-12);
             assert!(u.cross(&v).dot(&normal.normalize()).abs() > 0.93);
         }

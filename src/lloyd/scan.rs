@@ -26,6 +26,7 @@ const SAMPLE_CELL: f64 = 0.4;
 #[derive(Debug)]
 pub struct Scan {
     lattice: Lattice,
+    seed: u64,
     voxel: f64,
     points: Vec<Stored>,
     voxels: OccupiedCells,
@@ -42,9 +43,6 @@ pub struct Scan {
 impl Scan {
     /// Smooths `points`, sorts them by voxel, takes the samples, and closes the
     /// holes, for what `options` ask for.
-    ///
-    /// Within a voxel points are sorted by priority: a hash of their
-    /// coordinates and the seed.
     ///
     /// # Panics
     ///
@@ -69,7 +67,7 @@ impl Scan {
     /// # Panics
     ///
     /// As [`new`](Self::new).
-    pub fn as_scanned(mut points: Vec<Stored>, lattice: Lattice, options: &Options) -> Self {
+    pub fn as_scanned(points: Vec<Stored>, lattice: Lattice, options: &Options) -> Self {
         let Options {
             spacing,
             fit_radius,
@@ -83,15 +81,8 @@ impl Scan {
         // In whole stored units at least: a voxel finer than the lattice
         // would hold one point for ever.
         let voxel = (spacing / VOXELS_PER_SPACING).max(lattice.scale);
-        let (voxels, order) = OccupiedCells::sort(
-            points.iter().map(|&p| cell_of(lattice.local(p), voxel)),
-            |i| {
-                let point = points[i as usize];
-                (priority(point, seed), point)
-            },
-        );
-        points = order.iter().map(|&i| points[i as usize]).collect();
-        drop(order);
+        let (voxels, points) =
+            OccupiedCells::sort_points(&points, |p| cell_of(lattice.local(p), voxel));
 
         let mut counts = Vec::with_capacity(voxels.len());
         let mut means = Vec::with_capacity(voxels.len());
@@ -109,11 +100,12 @@ impl Scan {
         }
         Self {
             lattice,
+            seed,
             voxel,
             points,
             voxels,
             filling: Vec::new(),
-            filled: OccupiedCells::sort(std::iter::empty(), |_| ()).0,
+            filled: OccupiedCells::sort(std::iter::empty()).0,
             samples: NeighborGrid::new(&means, SAMPLE_CELL * fit_radius),
             counts,
         }
@@ -124,8 +116,7 @@ impl Scan {
         let voxel_of = |place: Stored| cell_of(self.lattice.local(place), self.voxel);
         filling.sort_unstable_by_key(|&place| (voxel_of(place), place));
         filling.dedup_by_key(|place| voxel_of(*place));
-        let (filled, order) =
-            OccupiedCells::sort(filling.iter().map(|&place| voxel_of(place)), |_| ());
+        let (filled, order) = OccupiedCells::sort(filling.iter().map(|&place| voxel_of(place)));
         let mut means = vec![Local::zeros(); self.counts.len()];
         self.samples
             .visit_all(|sample, place| means[sample as usize] = place);
@@ -156,12 +147,6 @@ impl Scan {
         &self.lattice
     }
 
-    /// The places in [`points`](Self::points) of every occupied voxel's points,
-    /// the one of highest priority first.
-    pub fn voxels(&self) -> impl ExactSizeIterator<Item = Range<usize>> + '_ {
-        self.voxels.ranges()
-    }
-
     /// The samples, to be visited around a place.
     pub fn samples(&self) -> &NeighborGrid {
         &self.samples
@@ -175,24 +160,28 @@ impl Scan {
     /// Whether a point of the scan, or of what closes its holes, lies within
     /// `radius` (CRS units) of `place`.
     pub fn has_point_within(&self, place: Local, radius: f64) -> bool {
+        self.some_point_within(place, radius).is_some()
+    }
+
+    /// Such a point, if there is one.
+    pub(super) fn some_point_within(&self, place: Local, radius: f64) -> Option<Local> {
         let radius_squared = radius * radius;
-        let is_near =
-            |p: &Stored| (self.lattice.local(*p) - place).norm_squared() <= radius_squared;
+        let find = |points: &[Stored]| {
+            let mut places = points.iter().map(|&point| self.lattice.local(point));
+            places.find(|point| (point - place).norm_squared() <= radius_squared)
+        };
         // The voxel of the place itself answers nearly always.
         let home = self.voxels.range(cell_of(place, self.voxel));
-        if self.points[home].iter().any(is_near) {
-            return true;
-        }
-        let layers = [(&self.voxels, &self.points), (&self.filled, &self.filling)];
-        layers.into_iter().any(|(voxels, points)| {
-            let search = self.voxels_around(voxels, place, radius, |range| {
-                if points[range].iter().any(is_near) {
-                    ControlFlow::Break(())
-                } else {
-                    ControlFlow::Continue(())
-                }
-            });
-            search.is_break()
+        find(&self.points[home]).or_else(|| {
+            let layers = [(&self.voxels, &self.points), (&self.filled, &self.filling)];
+            layers.into_iter().find_map(|(voxels, points)| {
+                let search =
+                    self.voxels_around(voxels, place, radius, |range| match find(&points[range]) {
+                        Some(point) => ControlFlow::Break(point),
+                        None => ControlFlow::Continue(()),
+                    });
+                search.break_value()
+            })
         })
     }
 
@@ -200,25 +189,6 @@ impl Scan {
     /// and its distance; of equally near ones the smallest.
     pub fn nearest(&self, place: Local, radius: f64) -> Option<(Stored, f64)> {
         self.nearest_but(None, place, radius)
-    }
-
-    /// Calls `visit` with the place of every point nearer than `radius` (CRS
-    /// units) to `center`, and its squared distance.
-    pub(super) fn visit_within(
-        &self,
-        center: Local,
-        radius: f64,
-        mut visit: impl FnMut(usize, f64),
-    ) {
-        let _ = self.voxels_around(&self.voxels, center, radius, |range| {
-            for place in range {
-                let distance_squared = (self.local(place) - center).norm_squared();
-                if distance_squared < radius * radius {
-                    visit(place, distance_squared);
-                }
-            }
-            ControlFlow::<()>::Continue(())
-        });
     }
 
     fn local(&self, place: usize) -> Local {
@@ -297,10 +267,14 @@ impl Scan {
         best
     }
 
-    /// For every occupied voxel its point of highest priority: an even, unbiased
-    /// choice of places of the scan.
+    /// For every occupied voxel its point of highest priority, a hash of its
+    /// coordinates and the seed: an even, unbiased choice of places of the scan.
     pub fn representatives(&self) -> impl ExactSizeIterator<Item = Stored> + '_ {
-        self.voxels().map(|voxel| self.points[voxel.start])
+        let rank = |point: &Stored| (priority(*point, self.seed), *point);
+        self.voxels.ranges().map(move |voxel| {
+            let points = self.points[voxel].iter().copied();
+            points.min_by_key(rank).expect("an occupied voxel")
+        })
     }
 }
 

@@ -14,8 +14,6 @@
 //!   in each one's cell as its area owes.
 //! * [`SeedRule::Random`]: the paper's baseline.
 
-use std::ops::Range;
-
 use rayon::prelude::*;
 
 use super::{
@@ -90,171 +88,131 @@ pub fn elect(scan: &Scan, options: &Options) -> Seeds {
 
 /// The seeds of an election, in no order.
 fn elected(scan: &Scan, options: &Options) -> Vec<Stored> {
-    if options.seeds == SeedRule::Poisson {
-        let is_loose = vec![false; scan.points().len()];
-        return election(scan, options, Vec::new(), &is_loose);
-    }
-    let nodes = Nodes::new(scan, options);
-    let is_loose = |&point: &Stored| !nodes.have(scan.lattice().local(point));
-    let is_loose: Vec<bool> = scan.points().par_iter().map(is_loose).collect();
-    let first = elected_nodes(nodes.places(scan, options), scan, options);
-    election(scan, options, first, &is_loose)
-}
-
-/// Of node places nearer to each other than seeds may be, which is so where one
-/// lattice ends and the next begins, those of lower rank.
-fn elected_nodes(mut places: Vec<(u32, Stored)>, scan: &Scan, options: &Options) -> Vec<Stored> {
-    places.par_sort_unstable_by_key(|&(rank, place)| (rank, priority(place, options.seed), place));
-    let places: Vec<Stored> = places.into_iter().map(|(_, place)| place).collect();
-    let mut seeds = Vec::new();
-    elect_in_order(&places, scan, options, &mut seeds);
-    seeds
-}
-
-/// Adds to `seeds`, one after the other, those of `candidates` that are not too
-/// near to one.
-fn elect_in_order(candidates: &[Stored], scan: &Scan, options: &Options, seeds: &mut Vec<Stored>) {
-    let radius = ELECTION_RADIUS * options.spacing;
-    let place_of = |point: Stored| scan.lattice().local(point);
-    let positions: Vec<Local> = candidates.iter().map(|&point| place_of(point)).collect();
-    let grid = NeighborGrid::new(&positions, radius);
-    let mut is_covered = vec![false; candidates.len()];
-    let cover = |seed: Stored, is_covered: &mut [bool]| {
-        let center = place_of(seed);
-        grid.visit_around(center, radius, |other, position| {
-            is_covered[other as usize] |= (position - center).norm_squared() < radius * radius;
-        });
-    };
-    for &seed in &*seeds {
-        cover(seed, &mut is_covered);
-    }
-    for (number, &candidate) in candidates.iter().enumerate() {
-        if !is_covered[number] {
-            seeds.push(candidate);
-            cover(candidate, &mut is_covered);
-        }
-    }
-}
-
-/// To the seeds `first` come points of the scan, until every point is covered
-/// by one; `is_loose` tells which points lie on no surface.
-fn election(scan: &Scan, options: &Options, first: Vec<Stored>, is_loose: &[bool]) -> Vec<Stored> {
     let mut election = Election {
         scan,
         options,
-        is_loose,
-        is_covered: vec![false; scan.points().len()],
         seeds: Vec::new(),
     };
-    for seed in first {
-        election.admit(seed);
+    if options.seeds == SeedRule::Poisson {
+        election.elect_in_order(equal(scan.points().iter().copied()));
+        return election.seeds;
     }
-    election.elect_from_surfaces();
-    election.elect_loose();
-    // At last what no seed covers of the filling.
-    let mut filling = scan.filling().to_vec();
-    filling.sort_unstable_by_key(|&place| (priority(place, options.seed), place));
-    elect_in_order(&filling, scan, options, &mut election.seeds);
+    let nodes = Nodes::new(scan, options);
+    // Nearer to each other than seeds may be are nodes where one lattice ends
+    // and the next begins.
+    election.elect_in_order(nodes.places(scan, options));
+    let (surfaces, loose): (Vec<Stored>, Vec<Stored>) = scan
+        .representatives()
+        .partition(|&point| nodes.have(scan.lattice().local(point)));
+    election.elect_in_order(equal(surfaces.into_iter()));
+    election.elect_loose(&loose);
+    election.elect_in_order(equal(scan.filling().iter().copied()));
     election.seeds
+}
+
+/// Candidates of one rank.
+fn equal(places: impl Iterator<Item = Stored>) -> Vec<(u32, Stored)> {
+    places.map(|place| (0, place)).collect()
 }
 
 struct Election<'a> {
     scan: &'a Scan,
     options: &'a Options,
-    is_loose: &'a [bool],
-    is_covered: Vec<bool>,
     seeds: Vec<Stored>,
 }
 
 impl Election<'_> {
-    /// Takes `seed`, and covers the points about it.
-    fn admit(&mut self, seed: Stored) {
-        let [narrow, loose] = [ELECTION_RADIUS, LOOSE_RADIUS].map(|r| r * self.options.spacing);
-        let center = self.scan.lattice().local(seed);
-        self.scan.visit_within(center, loose, |other, squared| {
-            self.is_covered[other] |= self.is_loose[other] || squared < narrow * narrow;
-        });
-        self.seeds.push(seed);
+    fn place_of(&self, point: Stored) -> Local {
+        self.scan.lattice().local(point)
     }
 
-    fn priority(&self, place: usize) -> u64 {
-        priority(self.scan.points()[place], self.options.seed)
+    fn priority(&self, point: Stored) -> u64 {
+        priority(point, self.options.seed)
     }
 
-    /// The point of highest priority is a seed, then the highest of those that
-    /// are not too near to it, and so on.
-    fn elect_from_surfaces(&mut self) {
-        // In each round every voxel puts up one of its points that no seed covers.
-        let mut open: Vec<Range<usize>> = self.scan.voxels().collect();
-        loop {
-            let is_standing = |&place: &usize| !self.is_covered[place] && !self.is_loose[place];
-            let first = |voxel: &Range<usize>| {
-                let standing = voxel.clone().filter(is_standing);
-                standing.map(|place| (self.priority(place), place)).min()
-            };
-            let mut candidates: Vec<_> = open.par_iter().filter_map(first).collect();
-            if candidates.is_empty() {
-                return;
+    /// The seeds that there are, to be looked up.
+    fn grid(&self) -> NeighborGrid {
+        let places: Vec<Local> = self.seeds.iter().map(|&seed| self.place_of(seed)).collect();
+        NeighborGrid::new(&places, self.options.spacing)
+    }
+
+    /// Makes a seed of the candidate of the lowest rank, of equal ones of that of
+    /// the highest priority; then of the next of those that are not too near to a
+    /// seed, and so on.
+    fn elect_in_order(&mut self, mut candidates: Vec<(u32, Stored)>) {
+        let radius = ELECTION_RADIUS * self.options.spacing;
+        let known = self.grid();
+        // Most are covered by what there is already.
+        candidates = candidates
+            .into_par_iter()
+            .filter(|&(_, point)| !known.any_within(self.place_of(point), radius))
+            .collect();
+        candidates.par_sort_unstable_by_key(|&(rank, point)| (rank, self.priority(point), point));
+        let places: Vec<Local> = candidates.iter().map(|&(_, p)| self.place_of(p)).collect();
+        let grid = NeighborGrid::new(&places, radius);
+        let mut is_covered = vec![false; candidates.len()];
+        for (number, &(_, candidate)) in candidates.iter().enumerate() {
+            if is_covered[number] {
+                continue;
             }
-            candidates.par_sort_unstable();
-            for (_, place) in candidates {
-                if !self.is_covered[place] {
-                    self.admit(self.scan.points()[place]);
-                }
-            }
-            open.retain(|voxel| voxel.clone().any(|place| !self.is_covered[place]));
+            self.seeds.push(candidate);
+            let center = places[number];
+            grid.visit_around(center, radius, |other, place| {
+                is_covered[other as usize] |= (place - center).norm_squared() <= radius * radius;
+            });
         }
     }
 
     /// Where there is no surface the seeds stay, so how even they are is settled
     /// here. They are elected by *fronts*: next to the seeds that there are, from
-    /// the points just beyond the radius. So most stand at the same distance from
+    /// the `points` just beyond the radius. So most stand at the same distance from
     /// each other. Fronts start from the surfaces and from some points far from
     /// them, and go so many steps at most, so that none comes from far away.
-    fn elect_loose(&mut self) {
+    fn elect_loose(&mut self, points: &[Stored]) {
         let spacing = self.options.spacing;
-        let points = self.scan.points();
-        let is_left = |&place: &usize| self.is_loose[place] && !self.is_covered[place];
-        let mut left: Vec<usize> = (0..points.len()).filter(is_left).collect();
-        left.par_sort_unstable_by_key(|&place| (self.priority(place), place));
-        let loose: Vec<Stored> = left.into_iter().map(|place| points[place]).collect();
-
-        let place_of = |point: Stored| self.scan.lattice().local(point);
-        let positions: Vec<Local> = loose.iter().map(|&point| place_of(point)).collect();
         let [farthest, covered] = [NUCLEI, LOOSE_RADIUS].map(|r| (r * spacing).powi(2));
-        let grid = NeighborGrid::new(&positions, spacing);
         // Squared distance of each point to the nearest seed, as far as it is
         // needed.
-        let mut nearest = vec![f64::INFINITY; loose.len()];
-        let measure = |seed: Stored, nearest: &mut [f64]| {
-            let center = place_of(seed);
+        let known = self.grid();
+        let to_seed = |point: Stored| {
+            let nearest = known.nearest(self.place_of(point), NUCLEI * spacing, |_| false);
+            nearest.map_or(f64::INFINITY, |(_, squared)| squared)
+        };
+        let mut left: Vec<(u64, Stored, f64)> = points
+            .par_iter()
+            .map(|&point| (self.priority(point), point, to_seed(point)))
+            .filter(|&(.., squared)| squared >= covered)
+            .collect();
+        left.par_sort_unstable_by_key(|&(priority, point, _)| (priority, point));
+
+        let places: Vec<Local> = left.iter().map(|&(_, p, _)| self.place_of(p)).collect();
+        let grid = NeighborGrid::new(&places, spacing);
+        let mut nearest: Vec<f64> = left.iter().map(|&(.., squared)| squared).collect();
+        let mut admit = |place: usize, nearest: &mut [f64]| {
+            self.seeds.push(left[place].1);
+            let center = places[place];
             grid.visit_around(center, NUCLEI * spacing, |other, position| {
                 let known = &mut nearest[other as usize];
                 *known = known.min((position - center).norm_squared());
             });
         };
-        for &seed in &self.seeds {
-            measure(seed, &mut nearest);
-        }
-        for place in 0..loose.len() {
+        for place in 0..left.len() {
             if nearest[place] >= farthest {
-                self.seeds.push(loose[place]);
-                measure(loose[place], &mut nearest);
+                admit(place, &mut nearest);
             }
         }
-        let mut left: Vec<usize> = (0..loose.len()).collect();
+        let mut open: Vec<usize> = (0..left.len()).collect();
         for width in FRONTS.into_iter().chain(std::iter::repeat(f64::INFINITY)) {
-            left.retain(|&place| nearest[place] >= covered);
-            if left.is_empty() {
+            open.retain(|&place| nearest[place] >= covered);
+            if open.is_empty() {
                 return;
             }
             let limit = ((LOOSE_RADIUS + width) * spacing).powi(2);
             let is_next = |&place: &usize| nearest[place] <= limit;
-            let front: Vec<usize> = left.iter().copied().filter(is_next).collect();
+            let front: Vec<usize> = open.iter().copied().filter(is_next).collect();
             for place in front {
                 if nearest[place] >= covered {
-                    self.seeds.push(loose[place]);
-                    measure(loose[place], &mut nearest);
+                    admit(place, &mut nearest);
                 }
             }
         }

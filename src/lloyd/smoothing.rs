@@ -37,11 +37,7 @@ pub(super) fn smoothed(
 fn on_patches(points: Vec<Stored>, lattice: &Lattice, options: &Options) -> Vec<Stored> {
     let edge = options.smooth / CELLS;
     // By coordinates within a cell: sums must not depend on the order of files.
-    let (cells, order) = OccupiedCells::sort(
-        points.iter().map(|&p| cell_of(lattice.local(p), edge)),
-        |i| points[i as usize],
-    );
-    let points: Vec<Stored> = order.iter().map(|&i| points[i as usize]).collect();
+    let (cells, points) = OccupiedCells::sort_points(&points, |p| cell_of(lattice.local(p), edge));
     let ranges: Vec<_> = cells.ranges().collect();
     let means: Vec<Local> = ranges
         .par_iter()

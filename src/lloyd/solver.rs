@@ -317,8 +317,7 @@ impl<'a> Sites<'a> {
         positions: &[Local],
     ) -> Self {
         let edge = BLOCK * options.spacing;
-        let (blocks, order) =
-            OccupiedCells::sort(positions.iter().map(|&p| cell_of(p, edge)), |_| ());
+        let (blocks, order) = OccupiedCells::sort(positions.iter().map(|&p| cell_of(p, edge)));
         let mut steps = Vec::with_capacity(order.len());
         for block in blocks.ranges() {
             let first = block.start as u32;
@@ -358,9 +357,9 @@ impl<'a> Sites<'a> {
     fn go(&mut self, next: Vec<Local>) {
         self.positions = next
             .into_par_iter()
-            .zip(&self.steps)
+            .zip(&mut self.steps)
             .zip(&self.positions)
-            .map(|((place, step), before)| match &step.fit {
+            .map(|((place, step), before)| match &mut step.fit {
                 Some(fit) if place != step.target => {
                     let place = fit.patch.foot_point(place);
                     let is_clear = (place - before).norm() <= step.free;
@@ -495,7 +494,7 @@ impl Step {
         mut around: Around<'_>,
     ) {
         self.fit_patch(scan, options, &mut around);
-        let Some(fit) = &self.fit else {
+        let Some(fit) = &mut self.fit else {
             self.nearest = around.nearest();
             return;
         };

@@ -46,6 +46,9 @@ pub(super) struct Fit {
     pub(super) input_spacing: f64,
     /// What share of a step may be taken by the patch.
     pub(super) trust: f64,
+    /// The point that the boundary restriction found last: the next place is
+    /// near it, too, more often than not.
+    witness: Local,
 }
 
 impl Fit {
@@ -127,6 +130,7 @@ pub(super) fn local_patch(
         input_spacing: radius * (std::f64::consts::PI / points as f64).sqrt(),
         // A sharper patch finds a surface in leaves, too.
         trust: patch.trust(radius.max(options.spacing)),
+        witness: Local::repeat(f64::NAN),
     })
 }
 
@@ -143,13 +147,20 @@ fn sharper(patch: &Patch, site: Local, samples: &[Local], options: &Options) -> 
 }
 
 /// The boundary restriction (IV-E).
-pub(super) fn is_allowed(scan: &Scan, fit: &Fit, place: Local, options: &Options) -> bool {
+pub(super) fn is_allowed(scan: &Scan, fit: &mut Fit, place: Local, options: &Options) -> bool {
     let threshold = options
         .restriction
         .threshold(fit.input_spacing, options.spacing);
+    if threshold.is_infinite() {
+        return place.iter().all(|c| c.is_finite());
+    }
     // Not a number is nowhere near the scan.
-    place.iter().all(|c| c.is_finite())
-        && (threshold.is_infinite() || scan.has_point_within(place, threshold))
+    if (place - fit.witness).norm_squared() <= threshold * threshold {
+        return true;
+    }
+    let found = scan.some_point_within(place, threshold);
+    fit.witness = found.unwrap_or(fit.witness);
+    found.is_some()
 }
 
 /// The sites of one iteration, to be looked up around each.
