@@ -104,15 +104,55 @@ impl Cell {
     pub fn clip(&mut self, patch: &Patch, site: Local, reach: &Reach, neighbors: &[Neighbor]) {
         let [site_u, site_v, site_w] = patch.coordinates(site);
         let lift = |u, v| Local::new(u, v, patch.height(site_u + u, site_v + v) - site_w);
-        self.current = 0;
-        self.count = DOMAIN_SIDES;
         let corners = domain_corners().into_iter().zip(reach);
-        for (corner, ([cos, sin], reach)) in self.polygons[0].iter_mut().zip(corners) {
-            *corner = Corner {
-                position: lift(reach * cos, reach * sin),
+        self.start(corners.map(|([cos, sin], reach)| lift(reach * cos, reach * sin)));
+        self.cut_by_all(patch, site, neighbors, lift);
+    }
+
+    /// The same for a cell that is bounded by neighbours all around, within
+    /// `radius` of the site, and in fewer steps; `false` if it is not.
+    ///
+    /// `neighbors` must hold every other site within twice `radius`, and be sorted
+    /// by distance.
+    pub fn clip_within(
+        &mut self,
+        patch: &Patch,
+        site: Local,
+        radius: f64,
+        neighbors: &[Neighbor],
+    ) -> bool {
+        let [site_u, site_v, site_w] = patch.coordinates(site);
+        let lift = |u, v| Local::new(u, v, patch.height(site_u + u, site_v + v) - site_w);
+        // A square about the disc has a third of a domain's corners.
+        let square = [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]];
+        self.start(
+            square
+                .map(|[u, v]| lift(radius * u, radius * v))
+                .into_iter(),
+        );
+        self.cut_by_all(patch, site, neighbors, lift);
+        self.is_closed() && self.farthest_squared() <= radius * radius
+    }
+
+    fn start(&mut self, corners: impl Iterator<Item = Local>) {
+        self.current = 0;
+        self.count = 0;
+        for position in corners {
+            self.polygons[0][self.count] = Corner {
+                position,
                 edge: RIM,
             };
+            self.count += 1;
         }
+    }
+
+    fn cut_by_all(
+        &mut self,
+        patch: &Patch,
+        site: Local,
+        neighbors: &[Neighbor],
+        lift: impl Fn(f64, f64) -> Local + Copy,
+    ) {
         let mut security = self.security_squared();
         for neighbor in neighbors {
             if neighbor.distance_squared > security {
@@ -163,10 +203,16 @@ impl Cell {
                 kept += 1;
             }
             if (sides[k] <= 0.0) != (sides[next] <= 0.0) {
-                let t = sides[k] / (sides[k] - sides[next]);
-                let crossing = here.position + (there.position - here.position) * t;
+                let way = there.position - here.position;
+                // Over a straight way the patch is a parabola, and so is the
+                // distance from the bisector: a secant, and a step of Newton's.
+                let bend = patch.bend(way.x, way.y) * direction.z;
+                let secant = sides[k] / (sides[k] - sides[next]);
+                let off = bend * secant * (secant - 1.0);
+                let slope = sides[next] - sides[k] + bend * (2.0 * secant - 1.0);
+                let t = (secant - off / slope).clamp(0.0, 1.0);
                 cut[kept] = Corner {
-                    position: lift(crossing.x, crossing.y),
+                    position: lift(here.position.x + way.x * t, here.position.y + way.y * t),
                     // Leaving the kept side, the new edge is the neighbour's.
                     edge: if sides[k] <= 0.0 {
                         neighbor.index

@@ -268,6 +268,12 @@ impl Patch {
         self.h + u * (self.p + 0.5 * self.a * u + self.b * v) + v * (self.q + 0.5 * self.c * v)
     }
 
+    /// What the height is not linear by over a way of `(u, v)`: between its ends
+    /// the chord lies t (1 − t) times this above the patch, at the share t.
+    pub fn bend(&self, u: f64, v: f64) -> f64 {
+        0.5 * (self.a * u * u + 2.0 * self.b * u * v + self.c * v * v)
+    }
+
     /// The point of the patch over `(u, v)`.
     pub fn point(&self, u: f64, v: f64) -> Local {
         self.origin + self.axes[0] * u + self.axes[1] * v + self.axes[2] * self.height(u, v)

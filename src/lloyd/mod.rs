@@ -34,6 +34,6 @@ pub use restriction::Restriction;
 pub use scan::Scan;
 pub use seeds::{AREA_PER_SEED, ELECTION_RADIUS, SeedRule, Seeds, elect, elected_in};
 pub use solver::{
-    DistanceSums, Domain, FILL, FIT_RADIUS, Options, Site, Solution, describe_places,
-    describe_points, solve,
+    DistanceSums, Domain, FARTHEST_NEIGHBOR, FILL, FIT_RADIUS, Options, Site, Solution,
+    describe_places, describe_points, solve,
 };

@@ -139,7 +139,13 @@ pub struct Site {
     pub area: f64,
     /// Energy of its cell (paper, equation 2).
     pub energy: f64,
+    /// Distance to the nearest other site, infinite beyond [`FARTHEST_NEIGHBOR`]
+    /// spacings.
+    pub nearest: f64,
 }
+
+/// How far the nearest other site is looked for, in spacings.
+pub const FARTHEST_NEIGHBOR: f64 = 4.0;
 
 /// Sums of the distances to the nearest neighbours, for δ (paper, equation 6).
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -273,7 +279,7 @@ pub fn solve(scan: &Scan, domain: &Domain, options: &Options) -> Solution {
         sites.go(next);
     }
     let ended = sites.describe();
-    convergence.push(final_sums(domain, &ended, &sites.positions, options));
+    convergence.push(final_sums(domain, &ended));
     Solution {
         sites: ended,
         seeds,
@@ -405,6 +411,7 @@ impl<'a> Sites<'a> {
                     .fit
                     .as_ref()
                     .and_then(|fit| around.restricted_cell(fit, scan, options));
+                let nearest = around.nearest_within(FARTHEST_NEIGHBOR * options.spacing);
                 let cell = &around.scratch.cell;
                 Site {
                     identity: identities[around.site],
@@ -415,6 +422,7 @@ impl<'a> Sites<'a> {
                     neighbors: u8::try_from(cell.neighbor_count()).unwrap_or(u8::MAX),
                     area: moments.map_or(0.0, |m| m.area),
                     energy: moments.map_or(0.0, |m| m.energy),
+                    nearest: nearest.unwrap_or(f64::INFINITY),
                 }
             },
         );
@@ -495,7 +503,7 @@ impl Step {
     ) {
         self.fit_patch(scan, options, &mut around);
         let Some(fit) = &mut self.fit else {
-            self.nearest = around.nearest();
+            self.nearest = around.nearest_within(FARTHEST_NEIGHBOR * options.spacing);
             return;
         };
         // III-C: the cell.
@@ -565,27 +573,11 @@ fn is_known(place: Local, radius: f64, cone: &Cone<'_>, lattice: &Lattice) -> bo
     })
 }
 
-fn final_sums(
-    domain: &Domain,
-    sites: &[Site],
-    positions: &[Local],
-    options: &Options,
-) -> DistanceSums {
-    let grid = crate::geometry::NeighborGrid::new(positions, options.spacing);
+fn final_sums(domain: &Domain, sites: &[Site]) -> DistanceSums {
     let mut sums = DistanceSums::default();
-    for site in sites.iter().filter(|s| domain.core.contains(s.identity)) {
-        let mut met_itself = false;
-        let mut least = f64::INFINITY;
-        grid.visit_around(site.position, 2.0 * options.spacing, |_, other| {
-            let squared = (other - site.position).norm_squared();
-            if squared == 0.0 && !met_itself {
-                met_itself = true;
-            } else {
-                least = least.min(squared);
-            }
-        });
-        if least <= (2.0 * options.spacing).powi(2) {
-            sums.push(least.sqrt());
+    for site in sites {
+        if site.nearest.is_finite() && domain.core.contains(site.identity) {
+            sums.push(site.nearest);
         }
     }
     sums

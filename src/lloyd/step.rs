@@ -291,11 +291,18 @@ impl Around<'_> {
         scan: &Scan,
         options: &Options,
     ) -> Option<Moments> {
-        let domain = [DOMAIN_RADIUS * self.spacing; DOMAIN_SIDES];
         self.look_near();
+        let Scratch {
+            cell, neighbors, ..
+        } = &mut *self.scratch;
+        let within = 0.5 * NEAR * self.spacing;
+        if cell.clip_within(&fit.patch, self.place, within, neighbors) {
+            return cell.moments(&fit.patch, self.place);
+        }
+        let domain = [DOMAIN_RADIUS * self.spacing; DOMAIN_SIDES];
         self.clip(fit, &domain);
         if self.scratch.cell.security_squared() > (NEAR * self.spacing).powi(2) {
-            self.look_far();
+            self.look_as_far_as(FAR * self.spacing);
             self.clip(fit, &domain);
         }
         if !self.scratch.cell.is_closed() && options.restriction == Restriction::Local {
@@ -331,13 +338,9 @@ impl Around<'_> {
         sort(neighbors);
     }
 
-    fn look_far(&mut self) {
-        self.neighborhoods.gather(
-            self.place,
-            self.site,
-            FAR * self.spacing,
-            &mut self.scratch.neighbors,
-        );
+    fn look_as_far_as(&mut self, radius: f64) {
+        self.neighborhoods
+            .gather(self.place, self.site, radius, &mut self.scratch.neighbors);
     }
 
     /// As near to `target` as the site can go and keep clear of every neighbour's
@@ -385,9 +388,12 @@ impl Around<'_> {
         0.5 * (distance - self.clearance).max(0.0)
     }
 
-    /// Distance to the nearest other site, if one is near.
-    pub(super) fn nearest(&mut self) -> Option<f64> {
-        self.look_far();
+    /// Distance to the nearest other site, if one lies within `radius`.
+    pub(super) fn nearest_within(&mut self, radius: f64) -> Option<f64> {
+        self.look_near();
+        if self.scratch.neighbors.is_empty() {
+            self.look_as_far_as(radius);
+        }
         self.scratch.nearest()
     }
 }

@@ -5,6 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::JobError;
@@ -108,7 +109,16 @@ pub(super) fn solve_tile(
         core,
         band: lattice.units(BAND * options.spacing),
     };
+    let t = std::time::Instant::now();
+    macro_rules! tick {
+        ($n:expr) => {
+            if std::env::var("TICK").is_ok() {
+                eprintln!("{} {:.2}", $n, t.elapsed().as_secs_f64());
+            }
+        };
+    }
     let solution = solve(&scan, &domain, options);
+    tick!("solve");
     // What follows is said of what was scanned.
     let scan = scanned.unwrap_or(scan);
     let (own, band): (Vec<Site>, Vec<Site>) = solution
@@ -129,7 +139,9 @@ pub(super) fn solve_tile(
         coverage: coverage(&scan, &solution.sites, &core, options.spacing),
         convergence: solution.convergence,
     };
+    tick!("figures");
     let records = nearest_records(spill, &scan, &own, &known, options.spacing, &mut figures)?;
+    tick!("records");
     let brief = |sites: Vec<Site>| -> Vec<SolvedSite> {
         sites
             .into_iter()
@@ -159,17 +171,12 @@ fn input_distances(scan: &Scan, core: &Rect, options: &Options) -> UniformityTal
 
 /// Nearest distances and closed cells of the sites of the core.
 pub(super) fn uniformity(sites: &[Site], core: &Rect, spacing: f64) -> UniformityTally {
-    let positions: Vec<Local> = sites.iter().map(|site| site.position).collect();
-    let grid = NeighborGrid::new(&positions, spacing);
     let mut tally = UniformityTally::new(spacing);
-    for (index, site) in (0u32..).zip(sites) {
-        if !core.contains(site.identity) {
-            continue;
-        }
-        let nearest = grid.nearest(site.position, BAND * spacing, |other| other == index);
-        match nearest {
-            Some((_, squared)) => tally.push_distance(squared.sqrt()),
-            None => tally.push_alone(),
+    for site in sites.iter().filter(|site| core.contains(site.identity)) {
+        if site.nearest.is_finite() {
+            tally.push_distance(site.nearest);
+        } else {
+            tally.push_alone();
         }
         if site.is_closed && !site.is_held {
             tally.push_cell(CellFigures {
@@ -187,11 +194,16 @@ fn coverage(scan: &Scan, sites: &[Site], core: &Rect, spacing: f64) -> DistanceT
     let positions: Vec<Local> = sites.iter().map(|site| site.position).collect();
     let grid = NeighborGrid::new(&positions, spacing);
     let mut tally = DistanceTally::new(spacing);
-    for point in scan.representatives().filter(|&point| core.contains(point)) {
+    let points: Vec<Stored> = scan.representatives().collect();
+    let to_site = |&point: &Stored| {
         let place = scan.lattice().local(point);
         let nearest = grid.nearest(place, FARTHEST * spacing, |_| false);
-        tally.push(nearest.map_or(FARTHEST * spacing, |(_, squared)| squared.sqrt()));
-    }
+        nearest.map_or(FARTHEST * spacing, |(_, squared)| squared.sqrt())
+    };
+    let is_own = |point: &&Stored| core.contains(**point);
+    let distances: Vec<f64> = points.par_iter().filter(is_own).map(to_site).collect();
+    // One after the other: a sum must not depend on the threads.
+    distances.into_iter().for_each(|d| tally.push(d));
     tally
 }
 
@@ -208,15 +220,17 @@ fn nearest_records(
 ) -> Result<Vec<u8>, JobError> {
     let lattice = scan.lattice();
     let length = spill.record_length();
-    let mut wanted: HashMap<Stored, Vec<usize>> = HashMap::new();
-    for (number, site) in sites.iter().enumerate() {
+    let nearest_of = |site: &Site| {
         // What is written is what is measured.
         let place = lattice
             .stored(site.position)
             .map_or(site.position, |stored| lattice.local(stored));
-        let (nearest, distance) = scan
-            .nearest(place, FARTHEST * spacing)
-            .unwrap_or((site.identity, FARTHEST * spacing));
+        scan.nearest(place, FARTHEST * spacing)
+            .unwrap_or((site.identity, FARTHEST * spacing))
+    };
+    let found: Vec<(Stored, f64)> = sites.par_iter().map(nearest_of).collect();
+    let mut wanted: HashMap<Stored, Vec<usize>> = HashMap::new();
+    for (number, (nearest, distance)) in found.into_iter().enumerate() {
         figures.accuracy.push(distance);
         wanted.entry(nearest).or_default().push(number);
     }

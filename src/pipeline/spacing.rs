@@ -16,8 +16,10 @@ use crate::{
 /// Points to elect from, about; more would not move the count by one in a
 /// hundred.
 const SAMPLE_POINTS: u64 = 12_000_000;
-/// Points for the first try, which only has to come near.
+/// Points for the first tries, which only have to come near, and how many there
+/// may be of them.
 const FIRST_POINTS: u64 = 1_500_000;
+const ROUGH_TRIES: u32 = 3;
 /// Points of a part of the cloud in which seeds are elected.
 const PART_POINTS: u64 = 1_000_000;
 /// A count met this closely is met.
@@ -30,6 +32,8 @@ const NEARLY: f64 = 0.06;
 const MOST_PER_POINT: u64 = 16;
 /// Tries; three are usual.
 const TRIES: u32 = 12;
+/// The slope on a plane: seeds go with the inverse square of the spacing.
+const PLANE: f64 = -2.0;
 
 /// The spacing (CRS units) that gives about `count` seeds on the points of
 /// `spill`.
@@ -60,27 +64,39 @@ pub(super) fn for_count(
 
     let seeds_per_point = count as f64 / spill.points() as f64;
     let mut tried: Vec<(f64, f64)> = Vec::new();
+    let mut slope = PLANE;
+    let mut is_rough = spill.points() > FIRST_POINTS;
     for number in 0..TRIES {
-        let sample = if number == 0 {
+        let sample = if is_rough {
             FIRST_POINTS
         } else {
             SAMPLE_POINTS
         };
         let options = settings.solver(spacing, seeds_per_point);
+        let t = std::time::Instant::now();
         let found = seeds(spill, lattice, &options, sample)?;
+        if std::env::var("TICK").is_ok() {
+            eprintln!(
+                "try {number} {sample} {spacing:.4} {found:.0} {:.2}",
+                t.elapsed().as_secs_f64()
+            );
+        }
         let error = (found / count as f64).ln();
-        let is_whole = sample >= SAMPLE_POINTS.min(spill.points());
         tried.push((spacing.ln(), error));
-        let next = next_try(&tried).exp().clamp(lattice.scale, 2.0 * extent);
-        if is_whole && error.abs() <= TOLERANCE {
+        slope = slope_of(&tried).unwrap_or(slope);
+        let next = (spacing.ln() - error / slope).exp();
+        let next = next.clamp(lattice.scale, 2.0 * extent);
+        let is_near = error.abs() <= NEARLY;
+        if is_rough {
+            // Once near, all points are asked; the slope holds for them, too.
+            is_rough = !is_near && number + 1 < ROUGH_TRIES;
+            if !is_rough {
+                tried.clear();
+            }
+        } else if error.abs() <= TOLERANCE {
             return Ok(spacing);
-        }
-        if is_whole && error.abs() <= NEARLY {
+        } else if is_near {
             return Ok(next);
-        }
-        if number == 0 && !is_whole {
-            // What it says of the slope is of other points.
-            tried.clear();
         }
         spacing = next;
     }
@@ -100,18 +116,16 @@ pub(super) fn for_count(
     Ok(best.exp())
 }
 
-/// The next logarithm of a spacing: along the secant of the last two tries, or
-/// as if seeds went with the inverse square of the spacing.
-fn next_try(tried: &[(f64, f64)]) -> f64 {
-    let (last, error) = tried[tried.len() - 1];
-    let slope = match tried {
-        [.., (before, error_before), _] if (last - before).abs() > 1e-9 => {
-            (error - error_before) / (last - before)
+/// How the logarithm of the count goes with that of the spacing, by the last two
+/// tries.
+fn slope_of(tried: &[(f64, f64)]) -> Option<f64> {
+    match tried {
+        [.., (before, error_before), (last, error)] if (last - before).abs() > 1e-9 => {
+            // Seeds fall with the spacing; anything else is noise of the sample.
+            Some(((error - error_before) / (last - before)).clamp(-3.0, -0.5))
         }
-        _ => -2.0,
-    };
-    // Seeds fall with the spacing; anything else is noise of the sample.
-    last - error / slope.clamp(-3.0, -0.5)
+        _ => None,
+    }
 }
 
 /// Seeds that the cloud has at `spacing`, about.
