@@ -82,49 +82,65 @@ impl Patch {
     ///
     /// `None` with fewer than four neighbours, or if they lie on one line.
     pub fn fit(seed: Local, neighbors: &[Local], radius: f64, kind: PatchKind) -> Option<Self> {
-        let per_radius_squared = 1.0 / (radius * radius);
-        let weight = |d: Local| {
-            (1.0 - d.norm_squared() * per_radius_squared)
-                .max(0.0)
-                .powi(2)
-        };
+        // Unknowns are scaled by `radius` throughout, so that everything has like
+        // magnitude, and the pivot test below has no unit.
+        let near = Lanes::new(seed, neighbors, radius);
 
         // The best fitting plane: weighted mean and covariance.
-        let (mut total, mut total_squares) = (0.0, 0.0);
-        let (mut mean, mut support) = (Local::zeros(), 0);
-        let mut second = [0.0; 6];
-        for &point in neighbors {
-            let d = point - seed;
-            let w = weight(d);
-            let e = d * w;
-            total += w;
-            total_squares += w * w;
-            mean += e;
-            for (sum, term) in second.iter_mut().zip([
-                e.x * d.x,
-                e.x * d.y,
-                e.x * d.z,
-                e.y * d.y,
-                e.y * d.z,
-                e.z * d.z,
-            ]) {
-                *sum += term;
+        let mut sums = [[0.0; LANES]; 12];
+        for [x, y, z] in near.clone() {
+            for k in 0..LANES {
+                let (x, y, z) = (x[k], y[k], z[k]);
+                let w = weight(x, y, z);
+                let (wx, wy, wz) = (w * x, w * y, w * z);
+                let is_near = f64::from(u8::from(w > 0.0));
+                let terms = [
+                    w,
+                    w * w,
+                    is_near,
+                    wx,
+                    wy,
+                    wz,
+                    wx * x,
+                    wx * y,
+                    wx * z,
+                    wy * y,
+                    wy * z,
+                    wz * z,
+                ];
+                for (sum, term) in sums.iter_mut().zip(terms) {
+                    sum[k] += term;
+                }
             }
-            support += u32::from(w > 0.0);
         }
+        let [
+            total,
+            total_squares,
+            support,
+            x,
+            y,
+            z,
+            xx,
+            xy,
+            xz,
+            yy,
+            yz,
+            zz,
+        ] = sums.map(added);
+        let support = support as u32;
         if support < MIN_SUPPORT {
             return None;
         }
-        mean /= total;
-        let [xx, xy, xz, yy, yz, zz] = second;
+        let mean = Local::new(x, y, z) / total;
         let covariance =
             Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) - mean * mean.transpose() * total;
         let (spread, [u, v, n]) = narrow_frame(covariance)?;
         if spread[1].is_nan() || spread[1] <= 1e-9 * spread[0] {
             return None;
         }
+        let foot = n.dot(&mean);
         // The frame stands at the seed's foot on the best fitting plane.
-        let origin = seed + n * n.dot(&mean);
+        let origin = seed + n * (foot * radius);
         let mut patch = Self {
             origin,
             axes: [u, v, n],
@@ -134,31 +150,121 @@ impl Patch {
             a: 0.0,
             b: 0.0,
             c: 0.0,
-            residual: 0.0,
+            // Of the plane.
+            residual: (spread[2] / total).sqrt() * radius,
             roundness: (spread[1] / spread[0]).sqrt(),
             support,
         };
         if kind == PatchKind::Quadratic && support >= MIN_QUADRATIC_SUPPORT {
-            patch.fit_heights(seed, neighbors, radius, weight);
+            let free = total * total / total_squares - 6.0;
+            patch.fit_heights(near, foot, total, free.max(1.0), radius);
         }
-
-        let mut squares = 0.0;
-        for &point in neighbors {
-            let [u, v, height] = patch.coordinates(point);
-            squares += weight(point - seed) * (height - patch.height(u, v)).powi(2);
-        }
-        patch.residual = (squares / total).sqrt();
-        let free = total * total / total_squares - 6.0;
-        patch.shrink((spread[2] / total).sqrt(), free.max(1.0), radius);
         Some(patch)
     }
 
+    /// Least squares for the six coefficients; leaves the plane where the
+    /// neighbours do not determine them. `foot` is the height of the plane over
+    /// the seed, `total` the neighbours' weight, `free` their number beyond the
+    /// coefficients.
+    fn fit_heights(&mut self, near: Lanes<'_>, foot: f64, total: f64, free: f64, radius: f64) {
+        // The normal equations are moments Σ w uⁱ vʲ: `degree[d][j]` with i = d − j.
+        let axes = self.axes;
+        let mut sums = [[0.0; LANES]; 21];
+        for [x, y, z] in near {
+            for k in 0..LANES {
+                let (x, y, z) = (x[k], y[k], z[k]);
+                let w = weight(x, y, z);
+                let [u, v, height] = axes.map(|axis| axis.x * x + axis.y * y + axis.z * z);
+                let height = height - foot;
+                let (wu, wv) = (w * u, w * v);
+                let (wuu, wuv, wvv) = (wu * u, wu * v, wv * v);
+                let (uu, uv, vv) = (u * u, u * v, v * v);
+                let terms = [
+                    w,
+                    wu,
+                    wv,
+                    wuu,
+                    wuv,
+                    wvv,
+                    wuu * u,
+                    wuu * v,
+                    wvv * u,
+                    wvv * v,
+                    wuu * uu,
+                    wuu * uv,
+                    wuu * vv,
+                    wuv * vv,
+                    wvv * vv,
+                    w * height,
+                    wu * height,
+                    wv * height,
+                    0.5 * wuu * height,
+                    wuv * height,
+                    0.5 * wvv * height,
+                ];
+                for (sum, term) in sums.iter_mut().zip(terms) {
+                    sum[k] += term;
+                }
+            }
+        }
+        let [
+            m00,
+            m10,
+            m01,
+            m20,
+            m11,
+            m02,
+            m30,
+            m21,
+            m12,
+            m03,
+            m40,
+            m31,
+            m22,
+            m13,
+            m04,
+            right @ ..,
+        ] = sums.map(added);
+        let degree = [
+            [m00, 0.0, 0.0, 0.0, 0.0],
+            [m10, m01, 0.0, 0.0, 0.0],
+            [m20, m11, m02, 0.0, 0.0],
+            [m30, m21, m12, m03, 0.0],
+            [m40, m31, m22, m13, m04],
+        ];
+        // Rows and columns: 1, u, v, ½u², uv, ½v², as (factor, i, j).
+        const TERMS: [(f64, usize, usize); 6] = [
+            (1.0, 0, 0),
+            (1.0, 1, 0),
+            (1.0, 0, 1),
+            (0.5, 2, 0),
+            (1.0, 1, 1),
+            (0.5, 0, 2),
+        ];
+        let normal =
+            TERMS.map(|(f, i, j)| TERMS.map(|(g, k, l)| f * g * degree[i + j + k + l][j + l]));
+        if let Some(solved) = solve_cholesky(normal, right) {
+            let [h, p, q, a, b, c] = solved;
+            self.h = h * radius;
+            self.p = p;
+            self.q = q;
+            self.a = a / radius;
+            self.b = b / radius;
+            self.c = c / radius;
+            // Of the squared heights over the plane, what the coefficients explain.
+            let products = solved.iter().zip(&right).map(|(x, b)| x * b);
+            let explained = products.sum::<f64>() / total * radius * radius;
+            self.shrink(explained, free, radius);
+        }
+    }
+
     /// Takes the patch back towards the plane by the share of its curvature that
-    /// noise would explain, after James and Stein. `flat` is the residual of the
-    /// plane (CRS units), `free` the number of neighbours beyond the coefficients.
-    fn shrink(&mut self, flat: f64, free: f64, radius: f64) {
-        let explained = flat.powi(2) - self.residual.powi(2);
-        let noise = self.residual.min(MOST_NOISE * radius).powi(2);
+    /// noise would explain, after James and Stein. `explained` is what it makes of
+    /// the plane's squared residual (CRS units squared), `free` the number of
+    /// neighbours beyond the coefficients.
+    fn shrink(&mut self, explained: f64, free: f64, radius: f64) {
+        let left = (self.residual.powi(2) - explained).max(0.0);
+        let noise = left.min((MOST_NOISE * radius).powi(2));
         // Three coefficients more than those of the plane.
         let by_chance = 3.0 * noise / free;
         let share = if explained > by_chance {
@@ -177,67 +283,7 @@ impl Patch {
             *coefficient *= share;
         }
         let left_out = (1.0 - share).powi(2) * explained.max(0.0);
-        self.residual = (self.residual.powi(2) + left_out).sqrt();
-    }
-
-    /// Least squares for the six coefficients; leaves the plane where the
-    /// neighbours do not determine them.
-    fn fit_heights(
-        &mut self,
-        seed: Local,
-        neighbors: &[Local],
-        radius: f64,
-        weight: impl Fn(Local) -> f64,
-    ) {
-        // Unknowns are scaled by `radius`, so that the six columns have like
-        // magnitude and the pivot test below has no unit. The normal equations
-        // are moments Σ w uⁱ vʲ: `degree[d][j]` with i = d − j.
-        let per_radius = 1.0 / radius;
-        let mut degree = [[0.0; 5]; 5];
-        let mut right = [0.0; 6];
-        for &point in neighbors {
-            let w = weight(point - seed);
-            let [u, v, height] = self.coordinates(point).map(|c| c * per_radius);
-            let (wu, wv) = (w * u, w * v);
-            let (wuu, wuv, wvv) = (wu * u, wu * v, wv * v);
-            let (uu, uv, vv) = (u * u, u * v, v * v);
-            for (d, terms) in [
-                [w, 0.0, 0.0, 0.0, 0.0],
-                [wu, wv, 0.0, 0.0, 0.0],
-                [wuu, wuv, wvv, 0.0, 0.0],
-                [wuu * u, wuu * v, wvv * u, wvv * v, 0.0],
-                [wuu * uu, wuu * uv, wuu * vv, wuv * vv, wvv * vv],
-            ]
-            .iter()
-            .enumerate()
-            {
-                for (sum, term) in degree[d].iter_mut().zip(&terms[..=d]) {
-                    *sum += term;
-                }
-            }
-            for (sum, term) in right.iter_mut().zip([w, wu, wv, 0.5 * wuu, wuv, 0.5 * wvv]) {
-                *sum += term * height;
-            }
-        }
-        // Rows and columns: 1, u, v, ½u², uv, ½v², as (factor, i, j).
-        const TERMS: [(f64, usize, usize); 6] = [
-            (1.0, 0, 0),
-            (1.0, 1, 0),
-            (1.0, 0, 1),
-            (0.5, 2, 0),
-            (1.0, 1, 1),
-            (0.5, 0, 2),
-        ];
-        let normal =
-            TERMS.map(|(f, i, j)| TERMS.map(|(g, k, l)| f * g * degree[i + j + k + l][j + l]));
-        if let Some([h, p, q, a, b, c]) = solve_cholesky(normal, right) {
-            self.h = h * radius;
-            self.p = p;
-            self.q = q;
-            self.a = a * per_radius;
-            self.b = b * per_radius;
-            self.c = c * per_radius;
-        }
+        self.residual = (left + left_out).sqrt();
     }
 
     /// Whether the patch describes its neighbourhood well enough to stand for a
@@ -295,6 +341,54 @@ impl Patch {
     pub fn gaussian_curvature(&self) -> f64 {
         (self.a * self.c - self.b * self.b) / (1.0 + self.p * self.p + self.q * self.q).powi(2)
     }
+}
+
+/// So many neighbours are added at a time, each to a sum of its own: processors
+/// do that at once, and in the same order everywhere.
+const LANES: usize = 4;
+
+/// Neighbours by [`LANES`], from the seed, in units of the radius; what is missing
+/// of the last ones lies where the weight is zero.
+#[derive(Clone)]
+struct Lanes<'a> {
+    seed: Local,
+    per_radius: f64,
+    rest: std::slice::Chunks<'a, Local>,
+}
+
+impl<'a> Lanes<'a> {
+    fn new(seed: Local, neighbors: &'a [Local], radius: f64) -> Self {
+        Self {
+            seed,
+            per_radius: 1.0 / radius,
+            rest: neighbors.chunks(LANES),
+        }
+    }
+}
+
+impl Iterator for Lanes<'_> {
+    type Item = [[f64; LANES]; 3];
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let mut lanes = [[2.0; LANES]; 3];
+        for (k, point) in self.rest.next()?.iter().enumerate() {
+            let d = (point - self.seed) * self.per_radius;
+            lanes[0][k] = d.x;
+            lanes[1][k] = d.y;
+            lanes[2][k] = d.z;
+        }
+        Some(lanes)
+    }
+}
+
+/// Of a neighbour, by its way from the seed in units of the radius.
+fn weight(x: f64, y: f64, z: f64) -> f64 {
+    let w = (1.0 - (x * x + y * y + z * z)).max(0.0);
+    w * w
+}
+
+fn added(lanes: [f64; LANES]) -> f64 {
+    (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
 }
 
 /// Eigenvalues of a covariance in falling order, and a right-handed frame whose
