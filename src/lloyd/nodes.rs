@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use super::{
     Options, Scan,
     seeds::ROW,
-    step::{is_allowed, local_patch},
+    step::{Samples, is_allowed},
 };
 use crate::geometry::{CellIndex, Local, OccupiedCells, Patch, PatchKind, Stored, cell_of};
 
@@ -45,6 +45,9 @@ const SAME_SURFACE: f64 = 0.87;
 /// normal.
 const FLATNESS: f64 = 0.15;
 const ROUNDNESS: f64 = 0.3;
+
+/// Edge of the blocks whose nodes look at samples together, in spacings.
+const BLOCK: f64 = 2.4;
 
 /// Samples nearer to each other than this, in spacings, and nearest to one node
 /// are of one surface.
@@ -134,12 +137,28 @@ impl Nodes {
     /// distance to the sample that it was found from (in thousandths of a
     /// spacing).
     pub(super) fn places(&self, scan: &Scan, options: &Options) -> Vec<(u32, Stored)> {
-        self.candidates(scan)
+        let candidates = self.candidates(scan);
+        // Those of a block share their look at the samples.
+        let block = |candidate: &Candidate| cell_of(candidate.sample, BLOCK * self.spacing);
+        let (blocks, order) = OccupiedCells::sort(candidates.iter().map(block));
+        let blocks: Vec<_> = blocks.ranges().collect();
+        blocks
             .into_par_iter()
-            .map_init(Vec::new, |near, candidate| {
-                let place = self.on_patch(&candidate, scan, options, near)?;
-                let rank = (candidate.squared.sqrt() * 1e3) as u32;
-                Some((rank, scan.lattice().stored(place)?))
+            .map_init(Samples::default, |samples, block| {
+                let held = order[block].iter().map(|&own| &candidates[own as usize]);
+                let above = held.map(|own| (own, self.to_node(own.sample, own.hexagons.axes)));
+                let above: Vec<(&Candidate, Local)> = above.collect();
+                let far = Local::repeat(f64::INFINITY);
+                let (low, high) = above.iter().fold((far, -far), |(low, high), (_, place)| {
+                    (low.inf(place), high.sup(place))
+                });
+                samples.look(scan, low, high, options);
+                let place = |(own, above): (&Candidate, Local)| {
+                    let place = self.on_patch(own, above, scan, options, samples)?;
+                    let rank = (own.squared.sqrt() * 1e3) as u32;
+                    Some((rank, scan.lattice().stored(place)?))
+                };
+                above.into_iter().filter_map(place).collect::<Vec<_>>()
             })
             .flatten_iter()
             .collect()
@@ -210,28 +229,29 @@ impl Nodes {
         }
     }
 
-    /// The node nearest to `sample` on the patch of the scan there, if it has
-    /// one that the node is near to.
+    /// What is left of the way from `place` to its node, seen along the lattice's
+    /// normal, is up or down.
+    fn to_node(&self, place: Local, axes: [Local; 2]) -> Local {
+        let (_, [along, across]) = self.nearest_node(place, axes);
+        place - (axes[0] * along + axes[1] * across) * self.spacing
+    }
+
+    /// The node of `candidate` on the patch of the scan at the place `above` it,
+    /// if there is one that the node is near to.
     fn on_patch(
         &self,
-        &Candidate {
-            hexagons: Hexagons { axes, .. },
-            sample,
-            ..
-        }: &Candidate,
+        candidate: &Candidate,
+        above: Local,
         scan: &Scan,
         options: &Options,
-        near: &mut Vec<Local>,
+        samples: &mut Samples,
     ) -> Option<Local> {
-        let to_node = |place: Local| {
-            let (_, [along, across]) = self.nearest_node(place, axes);
-            place - (axes[0] * along + axes[1] * across) * self.spacing
-        };
-        let above = to_node(sample);
-        let mut fit = local_patch(scan, above, options, near)?;
+        let mut fit = samples.fit(above, options)?;
         // The patch may be tilted against the lattice: its foot is a little
         // beside the node, and much less so the second time.
-        let place = fit.patch.foot_point(to_node(fit.patch.foot_point(above)));
+        let foot = fit.patch.foot_point(above);
+        let node = self.to_node(foot, candidate.hexagons.axes);
+        let place = fit.patch.foot_point(node);
         (fit.is_trusted() && is_allowed(scan, &mut fit, place, options)).then_some(place)
     }
 }

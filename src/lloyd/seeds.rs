@@ -20,7 +20,7 @@ use super::{
     Options, Scan,
     nodes::Nodes,
     scan::priority,
-    step::{Neighborhoods, Scratch, local_patch},
+    step::{Neighborhoods, Scratch},
 };
 use crate::geometry::{DOMAIN_SIDES, Local, NeighborGrid, Rect, Stored, spread};
 
@@ -263,12 +263,16 @@ fn area_weighted(scan: &Scan, options: &Options) -> Seeds {
         .zip(&first.positions)
         .enumerate()
         .map_init(Scratch::new, |scratch, (own, (&identity, &site))| {
-            let Some(fit) = local_patch(scan, site, options, &mut scratch.samples) else {
+            let Scratch {
+                cell,
+                neighbors,
+                samples,
+                ..
+            } = scratch;
+            samples.look(scan, site, site, options);
+            let Some(fit) = samples.fit(site, options) else {
                 return vec![(identity, site)];
             };
-            let Scratch {
-                cell, neighbors, ..
-            } = scratch;
             neighborhoods.gather(site, own, 2.5 * radius, neighbors);
             cell.clip(&fit.patch, site, &[radius; DOMAIN_SIDES], neighbors);
             let Some(moments) = cell.moments(&fit.patch, site) else {

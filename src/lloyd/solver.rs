@@ -6,7 +6,7 @@ use super::{
     Acceleration, Restriction, Scan, SeedRule,
     acceleration::{Accelerator, Iterate, LINKS, NO_LINK},
     elect,
-    step::{Around, Fit, Neighborhoods, Scratch, clearance, is_allowed, local_patch},
+    step::{Around, Fit, Neighborhoods, Scratch, clearance, is_allowed},
 };
 use crate::geometry::{Lattice, Local, OccupiedCells, PatchKind, Rect, Stored, cell_of};
 
@@ -406,6 +406,10 @@ impl<'a> Sites<'a> {
             options,
             wanted,
             |step, mut around| {
+                // At first no site has a patch.
+                if step.fit.is_none() {
+                    around.look_for_samples(scan, options);
+                }
                 step.fit_patch(scan, options, &mut around);
                 let moments = step
                     .fit
@@ -488,7 +492,7 @@ impl Step {
             .fit
             .is_some_and(|fit| fit.serves(place, options.spacing))
         {
-            self.fit = local_patch(scan, place, options, &mut around.scratch.samples);
+            self.fit = around.fit(scan, options);
         }
     }
 

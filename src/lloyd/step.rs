@@ -106,32 +106,48 @@ const WITHDRAWN: f64 = 0.15;
 const WITHDRAWN_SUPPORT: u32 = 12;
 const EXPLAINS_MORE: f64 = 0.9;
 
-/// Fits the patch at `site`; `None` where the scan does not carry one.
-/// `samples` is scratch.
-pub(super) fn local_patch(
-    scan: &Scan,
-    site: Local,
-    options: &Options,
-    samples: &mut Vec<Local>,
-) -> Option<Fit> {
-    let radius = options.fit_radius;
-    let mut points = 0_u64;
-    samples.clear();
-    scan.samples().visit_around(site, radius, |index, sample| {
-        if (sample - site).norm_squared() < radius * radius {
-            samples.push(sample);
-            points += u64::from(scan.count(index));
+/// The samples in and around a box, for the patches of the places in it.
+#[derive(Debug, Default)]
+pub(super) struct Samples {
+    /// Each with the number of points that it stands for.
+    around: Vec<(Local, u32)>,
+    /// Scratch: those of one patch.
+    within: Vec<Local>,
+}
+
+impl Samples {
+    /// Looks up what the patches of places from `low` to `high` may need.
+    pub(super) fn look(&mut self, scan: &Scan, low: Local, high: Local, options: &Options) {
+        let reach = Local::repeat(options.fit_radius);
+        self.around.clear();
+        scan.samples()
+            .visit_box(low - reach, high + reach, |index, sample| {
+                self.around.push((sample, scan.count(index)));
+            });
+    }
+
+    /// Fits the patch at `site`, a place that was looked around; `None` where the
+    /// scan does not carry one.
+    pub(super) fn fit(&mut self, site: Local, options: &Options) -> Option<Fit> {
+        let radius = options.fit_radius;
+        let mut points = 0_u64;
+        self.within.clear();
+        for &(sample, count) in &self.around {
+            if (sample - site).norm_squared() < radius * radius {
+                self.within.push(sample);
+                points += u64::from(count);
+            }
         }
-    });
-    let patch = Patch::fit(site, samples, radius, options.patch)?;
-    Some(Fit {
-        patch: sharper(&patch, site, samples, options).unwrap_or(patch),
-        anchor: site,
-        input_spacing: radius * (std::f64::consts::PI / points as f64).sqrt(),
-        // A sharper patch finds a surface in leaves, too.
-        trust: patch.trust(radius.max(options.spacing)),
-        witness: Local::repeat(f64::NAN),
-    })
+        let patch = Patch::fit(site, &self.within, radius, options.patch)?;
+        Some(Fit {
+            patch: sharper(&patch, site, &self.within, options).unwrap_or(patch),
+            anchor: site,
+            input_spacing: radius * (std::f64::consts::PI / points as f64).sqrt(),
+            // A sharper patch finds a surface in leaves, too.
+            trust: patch.trust(radius.max(options.spacing)),
+            witness: Local::repeat(f64::NAN),
+        })
+    }
 }
 
 /// The patch that keeps to what is nearer, where `patch` rounds an edge.
@@ -227,7 +243,10 @@ pub(super) struct Scratch {
     pub(super) cell: Cell,
     /// The neighbours of a site, nearest first.
     pub(super) neighbors: Vec<Neighbor>,
-    pub(super) samples: Vec<Local>,
+    pub(super) samples: Samples,
+    /// The box of a block's sites, and whether the samples are those around it.
+    block: [Local; 2],
+    has_samples: bool,
     /// The sites that can be near one of a block.
     around: Vec<(u32, Local)>,
 }
@@ -237,7 +256,9 @@ impl Scratch {
         Self {
             cell: Cell::new(),
             neighbors: Vec::new(),
-            samples: Vec::new(),
+            samples: Samples::default(),
+            block: [Local::zeros(); 2],
+            has_samples: false,
             around: Vec::new(),
         }
     }
@@ -258,6 +279,8 @@ impl Scratch {
         let (low, high) = block.iter().fold((far, -far), |(low, high), site| {
             (low.inf(site), high.sup(site))
         });
+        self.block = [low, high];
+        self.has_samples = false;
         let reach = Local::repeat(NEAR * spacing);
         let (low, high) = (low - reach, high + reach);
         self.around.clear();
@@ -282,6 +305,28 @@ pub(super) struct Around<'a> {
 }
 
 impl Around<'_> {
+    /// Looks up the samples around the whole block, for all its patches to come.
+    pub(super) fn look_for_samples(&mut self, scan: &Scan, options: &Options) {
+        let [low, high] = self.scratch.block;
+        if !self.scratch.has_samples {
+            self.scratch.samples.look(scan, low, high, options);
+            self.scratch.has_samples = true;
+        }
+    }
+
+    /// III-B: the patch of the site.
+    pub(super) fn fit(&mut self, scan: &Scan, options: &Options) -> Option<Fit> {
+        let Scratch {
+            samples,
+            has_samples,
+            ..
+        } = &mut *self.scratch;
+        if !*has_samples {
+            samples.look(scan, self.place, self.place, options);
+        }
+        samples.fit(self.place, options)
+    }
+
     /// Clips the cell of the site on the patch of `fit`, looking as far as it
     /// takes; its moments, if anything is left of it. A cell that neighbours do
     /// not bound all around ends where the scan does, if sites are to keep to it.
@@ -306,8 +351,8 @@ impl Around<'_> {
             self.clip(fit, &domain);
         }
         if !self.scratch.cell.is_closed() && options.restriction == Restriction::Local {
-            let samples = &mut self.scratch.samples;
-            let scanned = fit.scanned(self.place, scan, options, samples);
+            let within = &mut self.scratch.samples.within;
+            let scanned = fit.scanned(self.place, scan, options, within);
             self.clip(fit, &scanned);
         }
         self.scratch.cell.moments(&fit.patch, self.place)
