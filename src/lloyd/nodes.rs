@@ -14,7 +14,10 @@
 //! origin: two tiles, and two ends of a long wall, have the same nodes. Only
 //! products and roots are used, so that every machine finds the same bits.
 
-use std::{cmp::Ordering, ops::ControlFlow};
+use std::{
+    cmp::Ordering,
+    ops::{ControlFlow, Range},
+};
 
 use rayon::prelude::*;
 
@@ -89,16 +92,27 @@ impl Nodes {
         let samples = scan.samples().points();
         let (cells, order) = OccupiedCells::sort(samples.iter().map(|&p| cell_of(p, edge)));
         let ranges: Vec<_> = cells.ranges().collect();
-        let normals: Vec<(CellIndex, Option<Local>)> = ranges
-            .into_par_iter()
-            .map_init(Vec::new, |near, range| {
-                let held = order[range].iter().map(|&place| samples[place as usize]);
-                let (sum, count) = held.fold((Local::zeros(), 0.0), |(s, n), p| (s + p, n + 1.0));
-                let middle = sum / count;
-                let normal = normal(scan, middle, options.fit_radius, near);
-                (cell_of(middle, edge), normal)
-            })
+        let mean = |range: &Range<usize>| {
+            let held = order[range.clone()]
+                .iter()
+                .map(|&place| samples[place as usize]);
+            held.sum::<Local>() / range.len() as f64
+        };
+        let middles: Vec<Local> = ranges.par_iter().map(mean).collect();
+        let mut normals: Vec<(CellIndex, Option<Local>)> = middles
+            .iter()
+            .map(|&middle| (cell_of(middle, edge), None))
             .collect();
+        let normal = |samples: &mut Samples, own: usize| {
+            let radius = options.fit_radius;
+            let near = samples.within(middles[own], radius);
+            let patch = Patch::fit(middles[own], near, radius, PatchKind::Plane)?;
+            let is_flat = patch.residual <= FLATNESS * radius && patch.roundness >= ROUNDNESS;
+            is_flat.then(|| (own, patch.normal()))
+        };
+        for (own, normal) in by_block(&middles, scan, options, normal) {
+            normals[own].1 = Some(normal);
+        }
         let hexagons = normals
             .par_iter()
             .map(|&(index, own)| {
@@ -138,30 +152,16 @@ impl Nodes {
     /// spacing).
     pub(super) fn places(&self, scan: &Scan, options: &Options) -> Vec<(u32, Stored)> {
         let candidates = self.candidates(scan);
-        // Those of a block share their look at the samples.
-        let block = |candidate: &Candidate| cell_of(candidate.sample, BLOCK * self.spacing);
-        let (blocks, order) = OccupiedCells::sort(candidates.iter().map(block));
-        let blocks: Vec<_> = blocks.ranges().collect();
-        blocks
-            .into_par_iter()
-            .map_init(Samples::default, |samples, block| {
-                let held = order[block].iter().map(|&own| &candidates[own as usize]);
-                let above = held.map(|own| (own, self.to_node(own.sample, own.hexagons.axes)));
-                let above: Vec<(&Candidate, Local)> = above.collect();
-                let far = Local::repeat(f64::INFINITY);
-                let (low, high) = above.iter().fold((far, -far), |(low, high), (_, place)| {
-                    (low.inf(place), high.sup(place))
-                });
-                samples.look(scan, low, high, options);
-                let place = |(own, above): (&Candidate, Local)| {
-                    let place = self.on_patch(own, above, scan, options, samples)?;
-                    let rank = (own.squared.sqrt() * 1e3) as u32;
-                    Some((rank, scan.lattice().stored(place)?))
-                };
-                above.into_iter().filter_map(place).collect::<Vec<_>>()
-            })
-            .flatten_iter()
-            .collect()
+        let above: Vec<Local> = candidates
+            .iter()
+            .map(|own| self.to_node(own.sample, own.hexagons.axes))
+            .collect();
+        by_block(&above, scan, options, |samples, own| {
+            let candidate = &candidates[own];
+            let place = self.on_patch(candidate, above[own], scan, options, samples)?;
+            let rank = (candidate.squared.sqrt() * 1e3) as u32;
+            Some((rank, scan.lattice().stored(place)?))
+        })
     }
 
     /// The samples nearest to the nodes of their lattices.
@@ -256,12 +256,32 @@ impl Nodes {
     }
 }
 
-/// The normal of the scan near `middle`, if it has a surface there. `near` is
-/// scratch.
-fn normal(scan: &Scan, middle: Local, radius: f64, near: &mut Vec<Local>) -> Option<Local> {
-    scan.samples().gather(middle, radius, near);
-    let patch = Patch::fit(middle, near, radius, PatchKind::Plane)?;
-    (patch.residual <= FLATNESS * radius && patch.roundness >= ROUNDNESS).then(|| patch.normal())
+/// Calls `work` for the place of every one of `places`, in parallel, with the
+/// samples around its block.
+fn by_block<T: Send>(
+    places: &[Local],
+    scan: &Scan,
+    options: &Options,
+    work: impl Fn(&mut Samples, usize) -> Option<T> + Sync,
+) -> Vec<T> {
+    let edge = BLOCK * options.spacing;
+    let (blocks, order) = OccupiedCells::sort(places.iter().map(|&place| cell_of(place, edge)));
+    let blocks: Vec<_> = blocks.ranges().collect();
+    blocks
+        .into_par_iter()
+        .map_init(Samples::default, |samples, block| {
+            let held = || order[block.clone()].iter().map(|&own| own as usize);
+            let far = Local::repeat(f64::INFINITY);
+            let (low, high) = held().fold((far, -far), |(low, high), own| {
+                (low.inf(&places[own]), high.sup(&places[own]))
+            });
+            samples.look(scan, low, high, options);
+            held()
+                .filter_map(|own| work(samples, own))
+                .collect::<Vec<_>>()
+        })
+        .flatten_iter()
+        .collect()
 }
 
 impl Hexagons {

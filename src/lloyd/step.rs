@@ -126,6 +126,15 @@ impl Samples {
             });
     }
 
+    /// Those nearer to `place`, which was looked around, than `radius` (CRS units).
+    pub(super) fn within(&mut self, place: Local, radius: f64) -> &[Local] {
+        self.within.clear();
+        let places = self.around.iter().map(|&(sample, _)| sample);
+        let near = places.filter(|sample| (sample - place).norm_squared() < radius * radius);
+        self.within.extend(near);
+        &self.within
+    }
+
     /// Fits the patch at `site`, a place that was looked around; `None` where the
     /// scan does not carry one.
     pub(super) fn fit(&mut self, site: Local, options: &Options) -> Option<Fit> {
