@@ -109,16 +109,7 @@ pub(super) fn solve_tile(
         core,
         band: lattice.units(BAND * options.spacing),
     };
-    let t = std::time::Instant::now();
-    macro_rules! tick {
-        ($n:expr) => {
-            if std::env::var("TICK").is_ok() {
-                eprintln!("{} {:.2}", $n, t.elapsed().as_secs_f64());
-            }
-        };
-    }
     let solution = solve(&scan, &domain, options);
-    tick!("solve");
     // What follows is said of what was scanned.
     let scan = scanned.unwrap_or(scan);
     let (own, band): (Vec<Site>, Vec<Site>) = solution
@@ -139,9 +130,7 @@ pub(super) fn solve_tile(
         coverage: coverage(&scan, &solution.sites, &core, options.spacing),
         convergence: solution.convergence,
     };
-    tick!("figures");
     let records = nearest_records(spill, &scan, &own, &known, options.spacing, &mut figures)?;
-    tick!("records");
     let brief = |sites: Vec<Site>| -> Vec<SolvedSite> {
         sites
             .into_iter()

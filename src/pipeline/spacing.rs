@@ -73,14 +73,7 @@ pub(super) fn for_count(
             SAMPLE_POINTS
         };
         let options = settings.solver(spacing, seeds_per_point);
-        let t = std::time::Instant::now();
         let found = seeds(spill, lattice, &options, sample)?;
-        if std::env::var("TICK").is_ok() {
-            eprintln!(
-                "try {number} {sample} {spacing:.4} {found:.0} {:.2}",
-                t.elapsed().as_secs_f64()
-            );
-        }
         let error = (found / count as f64).ln();
         tried.push((spacing.ln(), error));
         slope = slope_of(&tried).unwrap_or(slope);
