@@ -205,12 +205,17 @@ impl Cell {
             if (sides[k] <= 0.0) != (sides[next] <= 0.0) {
                 let way = there.position - here.position;
                 // Over a straight way the patch is a parabola, and so is the
-                // distance from the bisector: a secant, and a step of Newton's.
+                // distance from the bisector, with one root between the ends.
                 let bend = patch.bend(way.x, way.y) * direction.z;
-                let secant = sides[k] / (sides[k] - sides[next]);
-                let off = bend * secant * (secant - 1.0);
-                let slope = sides[next] - sides[k] + bend * (2.0 * secant - 1.0);
-                let t = (secant - off / slope).clamp(0.0, 1.0);
+                let half = 0.5 * (sides[next] - sides[k] - bend);
+                let root = (half * half - bend * sides[k]).max(0.0).sqrt();
+                let sum = -(half + root.copysign(half));
+                let [one, other] = [sides[k] / sum, sum / bend];
+                let t = if (0.0..=1.0).contains(&one) {
+                    one
+                } else {
+                    other.clamp(0.0, 1.0)
+                };
                 cut[kept] = Corner {
                     position: lift(here.position.x + way.x * t, here.position.y + way.y * t),
                     // Leaving the kept side, the new edge is the neighbour's.

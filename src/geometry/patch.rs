@@ -320,6 +320,12 @@ impl Patch {
         0.5 * (self.a * u * u + 2.0 * self.b * u * v + self.c * v * v)
     }
 
+    /// The most that [`bend`](Self::bend) can be over ways of `length`.
+    pub fn most_bend(&self, length: f64) -> f64 {
+        let curvature = self.a * self.a + 2.0 * self.b * self.b + self.c * self.c;
+        0.5 * curvature.sqrt() * length * length
+    }
+
     /// The point of the patch over `(u, v)`.
     pub fn point(&self, u: f64, v: f64) -> Local {
         self.origin + self.axes[0] * u + self.axes[1] * v + self.axes[2] * self.height(u, v)

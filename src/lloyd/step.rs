@@ -193,6 +193,10 @@ pub(super) struct Neighborhoods {
     grid: NeighborGrid,
 }
 
+/// A patch is nearly flat if over the longest edge of a cell it leaves its chord by
+/// no more than a quarter of this, in spacings.
+const NEARLY_FLAT: f64 = 0.1;
+
 /// A first ball of so many spacings holds what cuts a good cell …
 const NEAR: f64 = 1.6;
 /// … and one of so many whatever can cut any.
@@ -350,7 +354,9 @@ impl Around<'_> {
             cell, neighbors, ..
         } = &mut *self.scratch;
         let within = 0.5 * NEAR * self.spacing;
-        if cell.clip_within(&fit.patch, self.place, within, neighbors) {
+        // Long edges of a bent patch would be cut twice, and missed.
+        let is_nearly_flat = fit.patch.most_bend(2.0 * within) <= NEARLY_FLAT * self.spacing;
+        if is_nearly_flat && cell.clip_within(&fit.patch, self.place, within, neighbors) {
             return cell.moments(&fit.patch, self.place);
         }
         let domain = [DOMAIN_RADIUS * self.spacing; DOMAIN_SIDES];
