@@ -229,8 +229,8 @@ impl Nodes {
         }
     }
 
-    /// What is left of the way from `place` to its node, seen along the lattice's
-    /// normal, is up or down.
+    /// `place`, moved within the lattice's plane to stand straight above or below
+    /// the node nearest to it.
     fn to_node(&self, place: Local, axes: [Local; 2]) -> Local {
         let (_, [along, across]) = self.nearest_node(place, axes);
         place - (axes[0] * along + axes[1] * across) * self.spacing
