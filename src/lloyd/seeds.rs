@@ -101,10 +101,13 @@ fn elected(scan: &Scan, options: &Options) -> Vec<Stored> {
     // Nearer to each other than seeds may be are nodes where one lattice ends
     // and the next begins.
     election.elect_in_order(nodes.places(scan, options));
-    let (surfaces, loose): (Vec<Stored>, Vec<Stored>) = scan
-        .representatives()
-        .partition(|&point| nodes.have(scan.lattice().local(point)));
-    election.elect_in_order(equal(surfaces.into_iter()));
+    // One point to a voxel says where a surface is. Elsewhere every point counts:
+    // what no seed covers there is not covered later.
+    let is_on_surface = |point: &Stored| nodes.have(scan.lattice().local(*point));
+    let surfaces = scan.representatives().filter(is_on_surface);
+    election.elect_in_order(equal(surfaces));
+    let points = scan.points().par_iter().copied();
+    let loose: Vec<Stored> = points.filter(|point| !is_on_surface(point)).collect();
     election.elect_loose(&loose);
     election.elect_in_order(equal(scan.filling().iter().copied()));
     election.seeds
