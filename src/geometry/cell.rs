@@ -411,6 +411,71 @@ mod tests {
         assert!((moments.energy / (area * area) - hexagon).abs() < 1e-6);
     }
 
+    /// A paraboloid of `curvature` about the z axis.
+    fn bent(curvature: f64) -> Patch {
+        let place = |i: i32, j: i32| {
+            let (x, y) = (0.3 * f64::from(i), 0.3 * f64::from(j));
+            Local::new(x, y, 0.5 * curvature * (x * x + y * y))
+        };
+        let grid: Vec<Local> = (-5..=5)
+            .flat_map(|i| (-5..=5).map(move |j| place(i, j)))
+            .collect();
+        Patch::fit(Local::zeros(), &grid, 2.0, PatchKind::Quadratic).unwrap()
+    }
+
+    /// The domain's way is the slow twin of the square's.
+    #[test]
+    fn a_cell_bounded_by_neighbors_is_the_same_from_a_square() {
+        for (curvature, tolerance) in [(0.0, 1e-12), (0.1, 1e-3)] {
+            let patch = bent(curvature);
+            let mut met = 0;
+            for seed in 0..40_u64 {
+                let roll =
+                    |k: u64| crate::geometry::spread(100 * seed + k) as f64 / u64::MAX as f64;
+                let moved = |(k, place): (u64, Local)| {
+                    let by = Local::new(roll(2 * k) - 0.5, roll(2 * k + 1) - 0.5, 0.0) * 0.3;
+                    patch.foot_point(place + by)
+                };
+                let others: Vec<Local> = (0..).zip(hexagonal(3)).map(moved).collect();
+                let site = patch.foot_point(Local::zeros());
+                let neighbors = sorted(site, &others);
+                let (mut cell, mut twin) = (Cell::new(), Cell::new());
+                twin.clip(&patch, site, &[1.0; DOMAIN_SIDES], &neighbors);
+                if cell.clip_within(&patch, site, 0.8, &neighbors) {
+                    met += 1;
+                    let [own, other] = [&cell, &twin].map(|c| c.moments(&patch, site).unwrap());
+                    assert!((own.area - other.area).abs() < tolerance);
+                    assert!((own.centroid - other.centroid).norm() < tolerance);
+                    assert_eq!(cell.neighbor_count(), twin.neighbor_count());
+                } else {
+                    assert!(!twin.is_closed() || twin.security_squared() > 1.6 * 1.6 - 1e-9);
+                }
+            }
+            assert!(met > 20, "{met}");
+        }
+    }
+
+    /// Where a bent patch crosses a bisector is a root, not the chord's share.
+    #[test]
+    fn corners_on_a_bent_patch_are_as_far_from_the_neighbors_as_from_the_site() {
+        let patch = bent(1.2);
+        let site = patch.foot_point(Local::zeros());
+        let other = patch.foot_point(Local::new(0.7, 0.4, 0.0));
+        let mut cell = Cell::new();
+        cell.clip(&patch, site, &[1.0; DOMAIN_SIDES], &sorted(site, &[other]));
+        let mut met = 0;
+        for corner in cell.corners() {
+            let place = site
+                + patch.axes[0] * corner.position.x
+                + patch.axes[1] * corner.position.y
+                + patch.axes[2] * corner.position.z;
+            let off = (place - site).norm() - (place - other).norm();
+            assert!(off < 1e-9);
+            met += usize::from(off.abs() < 1e-9);
+        }
+        assert_eq!(met, 2);
+    }
+
     #[test]
     fn sites_beyond_the_security_radius_change_nothing() {
         let (patch, site) = (flat(), Local::zeros());
