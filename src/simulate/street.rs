@@ -504,3 +504,39 @@ impl Bins {
         best
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edges_are_where_planes_meet_and_nowhere_else() {
+        let street = Street::new(StreetOptions {
+            length: 100.0,
+            ..StreetOptions::default()
+        });
+        let to_edge = |x, y, z| street.edge_distance(Local::new(x, y, z));
+        // Along the kerb, on top and at the foot.
+        assert!(to_edge(31.0, KERB, KERB_HEIGHT) < 1e-9);
+        assert!(to_edge(31.0, -KERB, 0.0) < 1e-9);
+        // In the middle of the road the feet of the kerbs are the nearest, but for
+        // a car's box.
+        assert!((3.9..4.01).contains(&to_edge(1.0, 0.0, 0.0)));
+        // The twin asks every edge.
+        for k in 0..200_u32 {
+            let [x, y, z] = [7, 11, 13].map(|by| f64::from(k * by % 101) / 101.0);
+            let place = Local::new(100.0 * x, 16.0 * y - 8.0, 9.0 * z);
+            let to_segment = |&[a, b]: &[Local; 2]| {
+                let along = b - a;
+                let share = (place - a).dot(&along) / along.norm_squared();
+                (place - a - along * share.clamp(0.0, 1.0)).norm()
+            };
+            let twin = street
+                .edges
+                .iter()
+                .map(to_segment)
+                .fold(f64::INFINITY, f64::min);
+            assert!((street.edge_distance(place) - twin).abs() < 1e-12);
+        }
+    }
+}
