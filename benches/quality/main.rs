@@ -2,12 +2,15 @@
 //! tables of `docs/RESULTS.md`. `scripts/quality` runs it.
 //!
 //!     cargo bench --bench quality -- [--scans DIR] [--only NAME] [--ours] [--curves DIR]
+//!         [--blame FILE.svg]
 //!
 //! `--ours` leaves out all methods but lloydar's and Poisson thinning; `--curves`
-//! compares accelerations instead, and draws δ against iterations.
+//! compares accelerations instead, and draws δ against iterations; `--blame`
+//! draws the sites that decide δ.
 
 #![allow(clippy::print_stdout, reason = "prints its tables")]
 
+mod blame;
 mod clouds;
 mod curves;
 mod methods;
@@ -30,12 +33,17 @@ fn main() {
         &Method::ALL
     };
     let folder = value("--scans").map(PathBuf::from);
+    let clouds = || {
+        let wanted = |(name, _): &(String, Maker)| name.contains(&only);
+        let all = named(folder.as_deref()).into_iter().filter(wanted);
+        all.filter_map(|(name, make)| Some((name, make()?)))
+    };
     if let Some(pictures) = value("--curves") {
-        for (name, make) in named(folder.as_deref()) {
-            if let Some(cloud) = make().filter(|_| name.contains(&only)) {
-                curves::compare(&cloud, &name, pictures.as_ref());
-            }
-        }
+        clouds().for_each(|(name, cloud)| curves::compare(&cloud, &name, pictures.as_ref()));
+        return;
+    }
+    if let Some(picture) = value("--blame") {
+        clouds().for_each(|(_, cloud)| blame::draw(&cloud, picture.as_ref()));
         return;
     }
     println!(
@@ -43,11 +51,7 @@ fn main() {
          p99 | accuracy mean | p99 | at edges | coverage p99 | astray | held | open | s |"
     );
     println!("|{}", " --- |".repeat(22));
-    for (name, make) in named(folder.as_deref()) {
-        if !name.contains(&only) {
-            continue;
-        }
-        let Some(cloud) = make() else { continue };
+    for (_, cloud) in clouds() {
         for &method in methods.iter().filter(|method| method.can(&cloud)) {
             print_row(&cloud, method);
         }
