@@ -71,8 +71,8 @@ impl OccupiedCells {
     ///
     /// # Panics
     ///
-    /// Unless there are fewer than 2³² points, in a box of fewer than 2⁵⁸ cells
-    /// (a tile's are).
+    /// Unless there are fewer than 2³² points, in a box of fewer than 2⁵⁸
+    /// bricks (a tile's are).
     pub fn sort(
         cells_of_points: impl ExactSizeIterator<Item = CellIndex> + Clone,
     ) -> (Self, Vec<u32>) {

@@ -24,7 +24,7 @@ use rayon::prelude::*;
 use super::{
     Options, Scan,
     seeds::ROW,
-    step::{Samples, is_allowed},
+    step::{BLOCK, Samples, bounds, is_allowed},
 };
 use crate::geometry::{CellIndex, Local, OccupiedCells, Patch, PatchKind, Stored, cell_of};
 
@@ -48,9 +48,6 @@ const SAME_SURFACE: f64 = 0.87;
 /// normal.
 const FLATNESS: f64 = 0.15;
 const ROUNDNESS: f64 = 0.3;
-
-/// Edge of the blocks whose nodes look at samples together, in spacings.
-const BLOCK: f64 = 2.4;
 
 /// Samples nearer to each other than this, in spacings, and nearest to one node
 /// are of one surface.
@@ -105,7 +102,7 @@ impl Nodes {
             .collect();
         let normal = |samples: &mut Samples, own: usize| {
             let radius = options.fit_radius;
-            let near = samples.within(middles[own], radius);
+            let (near, _) = samples.within(middles[own], radius);
             let patch = Patch::fit(middles[own], near, radius, PatchKind::Plane)?;
             let is_flat = patch.residual <= FLATNESS * radius && patch.roundness >= ROUNDNESS;
             is_flat.then(|| (own, patch.normal()))
@@ -197,12 +194,11 @@ impl Nodes {
         // Most nodes were found from more than one cell.
         let is_best = |own: &Candidate, others: &[Candidate]| {
             let near = ONE_NODE * self.spacing;
-            let is_own = |other: &&Candidate| (other.sample - own.sample).norm() < near;
-            others
+            let is_own = |other: &Candidate| (other.sample - own.sample).norm() < near;
+            !others
                 .iter()
                 .take_while(|other| other.cmp(own).is_lt())
-                .find(is_own)
-                .is_none()
+                .any(is_own)
         };
         candidates
             .par_chunk_by(|a, b| a.node == b.node && a.hexagons.key == b.hexagons.key)
@@ -271,10 +267,7 @@ fn by_block<T: Send>(
         .into_par_iter()
         .map_init(Samples::default, |samples, block| {
             let held = || order[block.clone()].iter().map(|&own| own as usize);
-            let far = Local::repeat(f64::INFINITY);
-            let (low, high) = held().fold((far, -far), |(low, high), own| {
-                (low.inf(&places[own]), high.sup(&places[own]))
-            });
+            let [low, high] = bounds(held().map(|own| places[own]));
             samples.look(scan, low, high, options);
             held()
                 .filter_map(|own| work(samples, own))

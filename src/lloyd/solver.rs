@@ -6,7 +6,7 @@ use super::{
     Acceleration, Restriction, Scan, SeedRule,
     acceleration::{Accelerator, Iterate, LINKS, NO_LINK},
     elect,
-    step::{Around, Fit, Neighborhoods, Scratch, clearance, is_allowed},
+    step::{Around, BLOCK, Fit, Neighborhoods, Scratch, clearance, is_allowed},
 };
 use crate::geometry::{Lattice, Local, OccupiedCells, PatchKind, Rect, Stored, cell_of};
 
@@ -229,10 +229,6 @@ impl Step {
             .map_or(place, |fit| fit.patch.foot_point(place))
     }
 }
-
-/// Edge of a block, in spacings. Sites of a block look for their neighbours
-/// together.
-const BLOCK: f64 = 2.4;
 
 /// The sites of a cloud on their way, in the order of their blocks, and of
 /// their identities within a block.
@@ -459,6 +455,8 @@ fn by_block<T: Send>(
                 .zip(block)
                 .filter(|&(site, _)| wanted(site))
                 .map(|(site, step)| {
+                    // Nobody has looked around this site yet.
+                    scratch.neighbors.clear();
                     let around = Around {
                         site,
                         place: positions[site],

@@ -106,6 +106,18 @@ const WITHDRAWN: f64 = 0.15;
 const WITHDRAWN_SUPPORT: u32 = 12;
 const EXPLAINS_MORE: f64 = 0.9;
 
+/// Edge of a block, in spacings. Places of a block look for their neighbours and
+/// for samples together.
+pub(super) const BLOCK: f64 = 2.4;
+
+/// The corners of the box about `places`.
+pub(super) fn bounds(places: impl Iterator<Item = Local>) -> [Local; 2] {
+    let far = Local::repeat(f64::INFINITY);
+    places.fold([far, -far], |[low, high], place| {
+        [low.inf(&place), high.sup(&place)]
+    })
+}
+
 /// The samples in and around a box, for the patches of the places in it.
 #[derive(Debug, Default)]
 pub(super) struct Samples {
@@ -126,30 +138,28 @@ impl Samples {
             });
     }
 
-    /// Those nearer to `place`, which was looked around, than `radius` (CRS units).
-    pub(super) fn within(&mut self, place: Local, radius: f64) -> &[Local] {
+    /// Those nearer to `place`, which was looked around, than `radius` (CRS units),
+    /// and how many points they stand for.
+    pub(super) fn within(&mut self, place: Local, radius: f64) -> (&[Local], u64) {
+        let mut points = 0;
         self.within.clear();
-        let places = self.around.iter().map(|&(sample, _)| sample);
-        let near = places.filter(|sample| (sample - place).norm_squared() < radius * radius);
-        self.within.extend(near);
-        &self.within
+        for &(sample, count) in &self.around {
+            if (sample - place).norm_squared() < radius * radius {
+                self.within.push(sample);
+                points += u64::from(count);
+            }
+        }
+        (&self.within, points)
     }
 
     /// Fits the patch at `site`, a place that was looked around; `None` where the
     /// scan does not carry one.
     pub(super) fn fit(&mut self, site: Local, options: &Options) -> Option<Fit> {
         let radius = options.fit_radius;
-        let mut points = 0_u64;
-        self.within.clear();
-        for &(sample, count) in &self.around {
-            if (sample - site).norm_squared() < radius * radius {
-                self.within.push(sample);
-                points += u64::from(count);
-            }
-        }
-        let patch = Patch::fit(site, &self.within, radius, options.patch)?;
+        let (near, points) = self.within(site, radius);
+        let patch = Patch::fit(site, near, radius, options.patch)?;
         Some(Fit {
-            patch: sharper(&patch, site, &self.within, options).unwrap_or(patch),
+            patch: sharper(&patch, site, near, options).unwrap_or(patch),
             anchor: site,
             input_spacing: radius * (std::f64::consts::PI / points as f64).sqrt(),
             // A sharper patch finds a surface in leaves, too.
@@ -288,10 +298,7 @@ impl Scratch {
         block: &[Local],
         spacing: f64,
     ) {
-        let far = Local::repeat(f64::INFINITY);
-        let (low, high) = block.iter().fold((far, -far), |(low, high), site| {
-            (low.inf(site), high.sup(site))
-        });
+        let [low, high] = bounds(block.iter().copied());
         self.block = [low, high];
         self.has_samples = false;
         let reach = Local::repeat(NEAR * spacing);
@@ -450,7 +457,9 @@ impl Around<'_> {
 
     /// Distance to the nearest other site, if one lies within `radius`.
     pub(super) fn nearest_within(&mut self, radius: f64) -> Option<f64> {
-        self.look_near();
+        if self.scratch.neighbors.is_empty() {
+            self.look_near();
+        }
         if self.scratch.neighbors.is_empty() {
             self.look_as_far_as(radius);
         }
