@@ -22,7 +22,7 @@
 //! flat; a cell is small beside the surface's radius of curvature or the patch
 //! would not describe it.
 
-use super::{Local, Patch};
+use super::{Local, Patch, patch::Heights};
 
 /// Sides of the domain before anything is cut off.
 pub const DOMAIN_SIDES: usize = 12;
@@ -36,12 +36,76 @@ const MAX_CORNERS: usize = 40;
 /// Stands for the domain's rim where a neighbour is asked for.
 const RIM: u32 = u32::MAX;
 
+/// Edges of a cell that can be closed at once.
+const MOST_EDGES: usize = 10;
+/// A corner is where its bisectors meet to this share of a squared radius, after at
+/// most so many steps.
+const EXACT: f64 = 1e-13;
+const MOST_CORRECTIONS: usize = 8;
+
 #[derive(Clone, Copy, Debug)]
 struct Corner {
     /// In the patch's frame, from the site.
     position: Local,
     /// Who cut the edge from this corner to the next.
     edge: u32,
+}
+
+/// The plane halfway to a neighbour.
+#[derive(Clone, Copy, Debug, Default)]
+struct Bisector {
+    /// To the neighbour, in the patch's frame.
+    direction: Local,
+    /// Half the squared distance.
+    half: f64,
+}
+
+impl Bisector {
+    fn new(patch: &Patch, site: Local, neighbor: &Neighbor) -> Self {
+        let towards = neighbor.position - site;
+        Self {
+            direction: Local::from(patch.axes.map(|axis| axis.dot(&towards))),
+            half: 0.5 * neighbor.distance_squared,
+        }
+    }
+
+    /// Positive beyond the plane, for a `place` in the patch's frame, from the site.
+    fn beyond(&self, place: Local) -> f64 {
+        place.dot(&self.direction) - self.half
+    }
+
+    /// Where the two planes meet on the surface; `None` if that is not found.
+    /// `tolerance` is an area (CRS units squared).
+    fn meets(&self, other: &Self, surface: &Heights, tolerance: f64) -> Option<Local> {
+        let [one, other_one] = [self, other].map(|plane| plane.slopes_on(surface));
+        let inverse = 1.0 / (one[0] * other_one[1] - one[1] * other_one[0]);
+        let mut place = lift(surface, 0.0, 0.0);
+        for _ in 0..MOST_CORRECTIONS {
+            let beyond = [self.beyond(place), other.beyond(place)];
+            if beyond[0].abs().max(beyond[1].abs()) <= tolerance {
+                return Some(place);
+            }
+            // On a plane one step leads there; what is left over is the bend's.
+            let u = (beyond[0] * other_one[1] - beyond[1] * one[1]) * inverse;
+            let v = (beyond[1] * one[0] - beyond[0] * other_one[0]) * inverse;
+            place = lift(surface, place.x - u, place.y - v);
+        }
+        None
+    }
+
+    /// How [`beyond`](Self::beyond) grows along `u` and `v` on the surface.
+    fn slopes_on(&self, surface: &Heights) -> [f64; 2] {
+        let [p, q] = surface.slopes();
+        [
+            self.direction.x + p * self.direction.z,
+            self.direction.y + q * self.direction.z,
+        ]
+    }
+}
+
+/// The point of the surface over `(u, v)`.
+fn lift(surface: &Heights, u: f64, v: f64) -> Local {
+    Local::new(u, v, surface.at(u, v))
 }
 
 /// A neighbour of the site: its place in the caller's list, and where it is.
@@ -102,11 +166,10 @@ impl Cell {
     /// `neighbors` must hold every other site within twice the distance to the
     /// farthest corner of the lifted domain, and be sorted by distance.
     pub fn clip(&mut self, patch: &Patch, site: Local, reach: &Reach, neighbors: &[Neighbor]) {
-        let [site_u, site_v, site_w] = patch.coordinates(site);
-        let lift = |u, v| Local::new(u, v, patch.height(site_u + u, site_v + v) - site_w);
+        let surface = patch.heights_from(site);
         let corners = domain_corners().into_iter().zip(reach);
-        self.start(corners.map(|([cos, sin], reach)| lift(reach * cos, reach * sin)));
-        self.cut_by_all(patch, site, neighbors, lift);
+        self.start(corners.map(|([cos, sin], reach)| lift(&surface, reach * cos, reach * sin)));
+        self.cut_by_all(patch, site, &surface, neighbors);
     }
 
     /// The same for a cell that is bounded by neighbours all around, within
@@ -121,17 +184,77 @@ impl Cell {
         radius: f64,
         neighbors: &[Neighbor],
     ) -> bool {
-        let [site_u, site_v, site_w] = patch.coordinates(site);
-        let lift = |u, v| Local::new(u, v, patch.height(site_u + u, site_v + v) - site_w);
+        let surface = patch.heights_from(site);
         // A square about the disc has a third of a domain's corners.
-        let square = [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]];
-        self.start(
-            square
-                .map(|[u, v]| lift(radius * u, radius * v))
-                .into_iter(),
-        );
-        self.cut_by_all(patch, site, neighbors, lift);
+        let square = [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]].into_iter();
+        self.start(square.map(|[u, v]| lift(&surface, radius * u, radius * v)));
+        self.cut_by_all(patch, site, &surface, neighbors);
         self.is_closed() && self.farthest_squared() <= radius * radius
+    }
+
+    /// The same where the cell is known to have had edges with the neighbours of
+    /// `ring`, counter-clockwise, not long ago: its corners are where the bisectors
+    /// of two that follow each other meet. `false` if the cell has other edges now,
+    /// or reaches beyond `radius`.
+    ///
+    /// `neighbors` must hold every other site within twice `radius`.
+    pub fn close(
+        &mut self,
+        patch: &Patch,
+        site: Local,
+        radius: f64,
+        ring: &[Neighbor],
+        neighbors: &[Neighbor],
+    ) -> bool {
+        let count = ring.len();
+        if !(3..=MOST_EDGES).contains(&count) {
+            return false;
+        }
+        let surface = patch.heights_from(site);
+        let mut bisectors = [Bisector::default(); MOST_EDGES];
+        for (bisector, neighbor) in bisectors.iter_mut().zip(ring) {
+            *bisector = Bisector::new(patch, site, neighbor);
+        }
+        let bisectors = &bisectors[..count];
+        let tolerance = EXACT * radius * radius;
+        let mut farthest = 0.0_f64;
+        self.current = 0;
+        self.count = count;
+        for k in 0..count {
+            let next = if k + 1 == count { 0 } else { k + 1 };
+            let Some(position) = bisectors[k].meets(&bisectors[next], &surface, tolerance) else {
+                return false;
+            };
+            farthest = farthest.max(position.norm_squared());
+            self.polygons[0][k] = Corner {
+                position,
+                edge: ring[next].index,
+            };
+        }
+        // Each edge must run counter-clockwise still.
+        let is_ahead = |k: usize| {
+            let before = if k == 0 { count - 1 } else { k - 1 };
+            let way = self.polygons[0][k].position - self.polygons[0][before].position;
+            let towards = bisectors[k].direction;
+            towards.x * way.y - towards.y * way.x > 0.0
+        };
+        if !(farthest <= radius * radius && (0..count).all(is_ahead)) {
+            return false;
+        }
+        // And no other neighbour may cut off a corner.
+        let security = 4.0 * farthest;
+        let is_other = |neighbor: &&Neighbor| {
+            neighbor.distance_squared <= security
+                && ring.iter().all(|edge| edge.index != neighbor.index)
+        };
+        neighbors.iter().filter(is_other).all(|neighbor| {
+            let bisector = Bisector::new(patch, site, neighbor);
+            let corners = self.corners().iter();
+            neighbor.distance_squared > 0.0
+                && corners
+                    .map(|c| bisector.beyond(c.position))
+                    .all(|beyond| beyond <= 0.0)
+        })
     }
 
     fn start(&mut self, corners: impl Iterator<Item = Local>) {
@@ -150,8 +273,8 @@ impl Cell {
         &mut self,
         patch: &Patch,
         site: Local,
+        surface: &Heights,
         neighbors: &[Neighbor],
-        lift: impl Fn(f64, f64) -> Local + Copy,
     ) {
         let mut security = self.security_squared();
         for neighbor in neighbors {
@@ -159,24 +282,16 @@ impl Cell {
                 break;
             }
             // A coincident site has no bisector: the two share their cell.
-            if neighbor.distance_squared > 0.0 && self.cut_by(patch, site, neighbor, lift) {
+            if neighbor.distance_squared > 0.0
+                && self.cut_by(neighbor, &Bisector::new(patch, site, neighbor), surface)
+            {
                 security = self.security_squared();
             }
         }
     }
 
     /// Cuts off what is nearer to `neighbor`; whether anything was.
-    fn cut_by(
-        &mut self,
-        patch: &Patch,
-        site: Local,
-        neighbor: &Neighbor,
-        lift: impl Fn(f64, f64) -> Local,
-    ) -> bool {
-        let towards = neighbor.position - site;
-        let direction = Local::from(patch.axes.map(|axis| axis.dot(&towards)));
-        let half = 0.5 * neighbor.distance_squared;
-
+    fn cut_by(&mut self, neighbor: &Neighbor, bisector: &Bisector, surface: &Heights) -> bool {
         let count = self.count;
         let (first, second) = self.polygons.split_at_mut(1);
         let (corners, cut) = if self.current == 0 {
@@ -188,7 +303,7 @@ impl Cell {
         let mut sides = [0.0_f64; MAX_CORNERS];
         let mut farthest = f64::NEG_INFINITY;
         for (side, corner) in sides.iter_mut().zip(&corners[..count]) {
-            *side = corner.position.dot(&direction) - half;
+            *side = bisector.beyond(corner.position);
             farthest = farthest.max(*side);
         }
         if farthest <= 0.0 || count + 2 > MAX_CORNERS {
@@ -206,7 +321,7 @@ impl Cell {
                 let way = there.position - here.position;
                 // Over a straight way the patch is a parabola, and so is the
                 // distance from the bisector, with one root between the ends.
-                let bend = patch.bend(way.x, way.y) * direction.z;
+                let bend = surface.bend(way.x, way.y) * bisector.direction.z;
                 let half = 0.5 * (sides[next] - sides[k] - bend);
                 let root = (half * half - bend * sides[k]).max(0.0).sqrt();
                 let sum = -(half + root.copysign(half));
@@ -217,7 +332,11 @@ impl Cell {
                     other.clamp(0.0, 1.0)
                 };
                 cut[kept] = Corner {
-                    position: lift(here.position.x + way.x * t, here.position.y + way.y * t),
+                    position: lift(
+                        surface,
+                        here.position.x + way.x * t,
+                        here.position.y + way.y * t,
+                    ),
                     // Leaving the kept side, the new edge is the neighbour's.
                     edge: if sides[k] <= 0.0 {
                         neighbor.index
@@ -301,8 +420,7 @@ impl Cell {
     /// Area, centroid and energy of the cell of `site`, as the fan of
     /// triangles from the site's foot; `None` if nothing is left of it.
     pub fn moments(&self, patch: &Patch, site: Local) -> Option<Moments> {
-        let [u, v, w] = patch.coordinates(site);
-        let foot = Local::new(0.0, 0.0, patch.height(u, v) - w);
+        let foot = lift(&patch.heights_from(site), 0.0, 0.0);
         let (mut area, mut weighted, mut energy) = (0.0, Local::zeros(), 0.0);
         for (a, b) in self.sides() {
             let triangle = 0.5 * (a - foot).cross(&(b - foot)).norm();

@@ -20,10 +20,49 @@ use nalgebra::Matrix3;
 
 use super::Local;
 
-/// A height function of degree 2 over a tangent plane.
+/// A height of degree 2 over a plane: w = h + p u + q v + ½ (a u² + 2 b u v + c v²).
 ///
 /// Lengths are CRS units: `h` is a length, the slopes `p`, `q` have no unit,
 /// the second derivatives `a`, `b`, `c` are inverse lengths.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Heights {
+    h: f64,
+    p: f64,
+    q: f64,
+    a: f64,
+    b: f64,
+    c: f64,
+}
+
+impl Heights {
+    /// The height `w` over `(u, v)`.
+    pub(super) fn at(&self, u: f64, v: f64) -> f64 {
+        self.h + u * (self.p + 0.5 * self.a * u + self.b * v) + v * (self.q + 0.5 * self.c * v)
+    }
+
+    /// What the height is not linear by over a way of `(u, v)`: between its ends
+    /// the chord lies t (1 − t) times this above the surface, at the share t.
+    pub(super) fn bend(&self, u: f64, v: f64) -> f64 {
+        0.5 * (self.a * u * u + 2.0 * self.b * u * v + self.c * v * v)
+    }
+
+    /// The derivatives along `u` and `v` at the origin.
+    pub(super) fn slopes(&self) -> [f64; 2] {
+        [self.p, self.q]
+    }
+
+    /// The same surface over the same plane, from a place `(u, v, w)`.
+    fn from(&self, [u, v, w]: [f64; 3]) -> Self {
+        Self {
+            h: self.at(u, v) - w,
+            p: self.p + self.a * u + self.b * v,
+            q: self.q + self.b * u + self.c * v,
+            ..*self
+        }
+    }
+}
+
+/// A height function of degree 2 over a tangent plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patch {
     /// Where `u = v = w = 0`.
@@ -31,12 +70,7 @@ pub struct Patch {
     /// The directions of `u`, `v` and `w`: orthonormal, right-handed. The last
     /// is the narrow one of the neighbourhood.
     pub axes: [Local; 3],
-    h: f64,
-    p: f64,
-    q: f64,
-    a: f64,
-    b: f64,
-    c: f64,
+    heights: Heights,
     /// Root mean square of the heights that the patch leaves unexplained
     /// (CRS units), weighted as the fit was.
     pub residual: f64,
@@ -144,12 +178,7 @@ impl Patch {
         let mut patch = Self {
             origin,
             axes: [u, v, n],
-            h: 0.0,
-            p: 0.0,
-            q: 0.0,
-            a: 0.0,
-            b: 0.0,
-            c: 0.0,
+            heights: Heights::default(),
             // Of the plane.
             residual: (spread[2] / total).sqrt() * radius,
             roundness: (spread[1] / spread[0]).sqrt(),
@@ -245,12 +274,14 @@ impl Patch {
             TERMS.map(|(f, i, j)| TERMS.map(|(g, k, l)| f * g * degree[i + j + k + l][j + l]));
         if let Some(solved) = solve_cholesky(normal, right) {
             let [h, p, q, a, b, c] = solved;
-            self.h = h * radius;
-            self.p = p;
-            self.q = q;
-            self.a = a / radius;
-            self.b = b / radius;
-            self.c = c / radius;
+            self.heights = Heights {
+                h: h * radius,
+                p,
+                q,
+                a: a / radius,
+                b: b / radius,
+                c: c / radius,
+            };
             // Of the squared heights over the plane, what the coefficients explain.
             let products = solved.iter().zip(&right).map(|(x, b)| x * b);
             let explained = products.sum::<f64>() / total * radius * radius;
@@ -272,14 +303,8 @@ impl Patch {
         } else {
             0.0
         };
-        for coefficient in [
-            &mut self.h,
-            &mut self.p,
-            &mut self.q,
-            &mut self.a,
-            &mut self.b,
-            &mut self.c,
-        ] {
+        let Heights { h, p, q, a, b, c } = &mut self.heights;
+        for coefficient in [h, p, q, a, b, c] {
             *coefficient *= share;
         }
         let left_out = (1.0 - share).powi(2) * explained.max(0.0);
@@ -311,18 +336,19 @@ impl Patch {
 
     /// The height `w` over `(u, v)`.
     pub fn height(&self, u: f64, v: f64) -> f64 {
-        self.h + u * (self.p + 0.5 * self.a * u + self.b * v) + v * (self.q + 0.5 * self.c * v)
+        self.heights.at(u, v)
     }
 
-    /// What the height is not linear by over a way of `(u, v)`: between its ends
-    /// the chord lies t (1 − t) times this above the patch, at the share t.
-    pub fn bend(&self, u: f64, v: f64) -> f64 {
-        0.5 * (self.a * u * u + 2.0 * self.b * u * v + self.c * v * v)
+    /// The heights over the patch's plane, from `place`.
+    pub(super) fn heights_from(&self, place: Local) -> Heights {
+        self.heights.from(self.coordinates(place))
     }
 
-    /// The most that [`bend`](Self::bend) can be over ways of `length`.
+    /// How far the chord of a way of `length` (CRS units) can lie off the patch,
+    /// times four.
     pub fn most_bend(&self, length: f64) -> f64 {
-        let curvature = self.a * self.a + 2.0 * self.b * self.b + self.c * self.c;
+        let Heights { a, b, c, .. } = self.heights;
+        let curvature = a * a + 2.0 * b * b + c * c;
         0.5 * curvature.sqrt() * length * length
     }
 
@@ -340,12 +366,14 @@ impl Patch {
 
     /// Unit normal at the origin; its sign means nothing.
     pub fn normal(&self) -> Local {
-        (self.axes[2] - self.axes[0] * self.p - self.axes[1] * self.q).normalize()
+        let [p, q] = self.heights.slopes();
+        (self.axes[2] - self.axes[0] * p - self.axes[1] * q).normalize()
     }
 
     /// Gaussian curvature over the origin (CRS units to the −2).
     pub fn gaussian_curvature(&self) -> f64 {
-        (self.a * self.c - self.b * self.b) / (1.0 + self.p * self.p + self.q * self.q).powi(2)
+        let Heights { p, q, a, b, c, .. } = self.heights;
+        (a * c - b * b) / (1.0 + p * p + q * q).powi(2)
     }
 }
 

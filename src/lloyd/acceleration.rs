@@ -27,6 +27,11 @@ pub(super) const LINKS: usize = 10;
 /// Stands for no neighbour.
 pub(super) const NO_LINK: u32 = u32::MAX;
 
+/// The neighbours of `links`.
+pub(super) fn linked(links: &[u32; LINKS]) -> impl Iterator<Item = u32> {
+    links.iter().copied().take_while(|&link| link != NO_LINK)
+}
+
 /// What a Lloyd step found for every site, in the order of the sites.
 pub(super) struct Iterate<'a> {
     /// Where the sites are (paper: Y).
@@ -49,11 +54,7 @@ impl Iterate<'_> {
 
     /// The sites whose cells touch that of `site`.
     pub(super) fn links(&self, site: usize) -> impl Iterator<Item = usize> {
-        self.steps[site]
-            .links
-            .iter()
-            .take_while(|&&link| link != NO_LINK)
-            .map(|&link| link as usize)
+        linked(&self.steps[site].links).map(|link| link as usize)
     }
 
     /// Distance from `site` to its nearest linked neighbour were each site

@@ -305,7 +305,7 @@ mod tests {
         for _ in 0..6 {
             plain = step(&plain);
             let targets = step(&sites);
-            let steps: Vec<Step> = targets.iter().map(|&t| Step::new(0, t)).collect();
+            let steps: Vec<Step> = targets.iter().map(|&t| Step::new(t)).collect();
             let iterate = Iterate {
                 sites: &sites,
                 steps: &steps,

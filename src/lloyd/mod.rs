@@ -20,6 +20,7 @@
 mod acceleration;
 mod anderson;
 mod filling;
+mod neighborhoods;
 mod nodes;
 mod relaxation;
 mod restriction;

@@ -16,12 +16,7 @@
 
 use rayon::prelude::*;
 
-use super::{
-    Options, Scan,
-    nodes::Nodes,
-    scan::priority,
-    step::{Neighborhoods, Scratch},
-};
+use super::{Options, Scan, neighborhoods::within, nodes::Nodes, scan::priority, step::Scratch};
 use crate::geometry::{DOMAIN_SIDES, Local, NeighborGrid, Rect, Stored, spread};
 
 /// Radius of the Poisson-disk election, in spacings.
@@ -259,7 +254,7 @@ fn area_weighted(scan: &Scan, options: &Options) -> Seeds {
     // Step 1: the cells of the random seeds. Where the scan is sparse they are
     // large: the domain must not be what bounds them.
     let radius = 4.0 * options.spacing;
-    let neighborhoods = Neighborhoods::new(&first.positions, 2.0 * options.spacing);
+    let grid = NeighborGrid::new(&first.positions, 2.0 * options.spacing);
     let mut seeds: Vec<(Stored, Local)> = first
         .identities
         .par_iter()
@@ -276,7 +271,7 @@ fn area_weighted(scan: &Scan, options: &Options) -> Seeds {
             let Some(fit) = samples.fit(site, options) else {
                 return vec![(identity, site)];
             };
-            neighborhoods.gather(site, own, 2.5 * radius, neighbors);
+            within(&grid, site, own, 2.5 * radius, neighbors);
             cell.clip(&fit.patch, site, &[radius; DOMAIN_SIDES], neighbors);
             let Some(moments) = cell.moments(&fit.patch, site) else {
                 return Vec::new();

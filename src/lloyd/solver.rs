@@ -6,7 +6,8 @@ use super::{
     Acceleration, Restriction, Scan, SeedRule,
     acceleration::{Accelerator, Iterate, LINKS, NO_LINK},
     elect,
-    step::{Around, BLOCK, Fit, Neighborhoods, Scratch, clearance, is_allowed},
+    neighborhoods::Neighborhoods,
+    step::{Around, BLOCK, Fit, Scratch, clearance, is_allowed},
 };
 use crate::geometry::{Lattice, Local, OccupiedCells, PatchKind, Rect, Stored, cell_of};
 
@@ -195,14 +196,14 @@ pub struct Solution {
 /// What the last Lloyd step found for one site.
 #[derive(Clone)]
 pub(super) struct Step {
-    /// First site of the block.
-    block: u32,
     fit: Option<Fit>,
     is_exact: bool,
     /// The centroid, projected and restricted.
     pub(super) target: Local,
     /// Sites whose cells touch, then [`NO_LINK`].
     pub(super) links: [u32; LINKS],
+    /// Whether they do not bound the cell all around.
+    is_open: bool,
     nearest: Option<f64>,
     /// How far the site may go in any direction and still keep clear.
     free: f64,
@@ -210,13 +211,13 @@ pub(super) struct Step {
 
 impl Step {
     /// That of a site at `place`, before the first step.
-    pub(super) fn new(block: u32, place: Local) -> Self {
+    pub(super) fn new(place: Local) -> Self {
         Self {
-            block,
             fit: None,
             is_exact: false,
             target: place,
             links: [NO_LINK; LINKS],
+            is_open: false,
             nearest: None,
             free: 0.0,
         }
@@ -237,7 +238,7 @@ struct Sites<'a> {
     domain: &'a Domain,
     options: &'a Options,
     identities: Vec<Stored>,
-    positions: Vec<Local>,
+    neighborhoods: Neighborhoods,
     steps: Vec<Step>,
 }
 
@@ -268,7 +269,7 @@ pub fn solve(scan: &Scan, domain: &Domain, options: &Options) -> Solution {
         sites.lloyd_step(&cone, iteration);
         convergence.push(sites.nearest_distances());
         let next = accelerator.next(&Iterate {
-            sites: &sites.positions,
+            sites: sites.neighborhoods.places(),
             steps: &sites.steps,
             spacing: options.spacing,
         });
@@ -320,18 +321,14 @@ impl<'a> Sites<'a> {
     ) -> Self {
         let edge = BLOCK * options.spacing;
         let (blocks, order) = OccupiedCells::sort(positions.iter().map(|&p| cell_of(p, edge)));
-        let mut steps = Vec::with_capacity(order.len());
-        for block in blocks.ranges() {
-            let first = block.start as u32;
-            steps.extend(block.map(|place| Step::new(first, positions[order[place] as usize])));
-        }
+        let places: Vec<Local> = order.iter().map(|&i| positions[i as usize]).collect();
         Self {
             scan,
             domain,
             options,
             identities: order.iter().map(|&i| identities[i as usize]).collect(),
-            positions: order.iter().map(|&i| positions[i as usize]).collect(),
-            steps,
+            steps: places.iter().map(|&place| Step::new(place)).collect(),
+            neighborhoods: Neighborhoods::new(places, blocks.ranges().collect(), options.spacing),
         }
     }
 
@@ -341,13 +338,13 @@ impl<'a> Sites<'a> {
         let was_exact: Vec<bool> = self.steps.iter().map(|step| step.is_exact).collect();
         self.steps
             .par_iter_mut()
-            .zip(&self.positions)
+            .zip(self.neighborhoods.places())
             .enumerate()
             .for_each(|(site, (step, &position))| step.rest(position, matters(site)));
         let (scan, options) = (self.scan, self.options);
         by_block(
             &mut self.steps,
-            &self.positions,
+            &self.neighborhoods,
             options,
             matters,
             |step, around| step.advance(scan, options, cone, &was_exact, around),
@@ -357,10 +354,10 @@ impl<'a> Sites<'a> {
     /// Moves the sites to `next`, projected and restricted; where that is not
     /// allowed, to the target of their Lloyd step.
     fn go(&mut self, next: Vec<Local>) {
-        self.positions = next
+        let places = next
             .into_par_iter()
             .zip(&mut self.steps)
-            .zip(&self.positions)
+            .zip(self.neighborhoods.places())
             .map(|((place, step), before)| match &mut step.fit {
                 Some(fit) if place != step.target => {
                     let place = fit.patch.foot_point(place);
@@ -374,6 +371,7 @@ impl<'a> Sites<'a> {
                 _ => step.target,
             })
             .collect();
+        self.neighborhoods.go(places);
     }
 
     /// Nearest distances of the core's sites, as the last step met them.
@@ -398,7 +396,7 @@ impl<'a> Sites<'a> {
             |site: usize| core.contains(identities[site]) || core.depth(identities[site]) > -band;
         let mut sites = by_block(
             &mut self.steps,
-            &self.positions,
+            &self.neighborhoods,
             options,
             wanted,
             |step, mut around| {
@@ -409,7 +407,7 @@ impl<'a> Sites<'a> {
                 step.fit_patch(scan, options, &mut around);
                 let moments = step
                     .fit
-                    .as_ref()
+                    .as_mut()
                     .and_then(|fit| around.restricted_cell(fit, scan, options));
                 let nearest = around.nearest_within(FARTHEST_NEIGHBOR * options.spacing);
                 let cell = &around.scratch.cell;
@@ -417,7 +415,7 @@ impl<'a> Sites<'a> {
                     identity: identities[around.site],
                     position: around.place,
                     is_exact: step.is_exact,
-                    is_held: !step.fit.is_some_and(|fit| fit.is_trusted()),
+                    is_held: !step.fit.as_ref().is_some_and(Fit::is_trusted),
                     is_closed: moments.is_some() && cell.is_closed(),
                     neighbors: u8::try_from(cell.neighbor_count()).unwrap_or(u8::MAX),
                     area: moments.map_or(0.0, |m| m.area),
@@ -435,39 +433,45 @@ impl<'a> Sites<'a> {
 /// come in the order of the sites.
 fn by_block<T: Send>(
     steps: &mut [Step],
-    positions: &[Local],
+    neighborhoods: &Neighborhoods,
     options: &Options,
     wanted: impl Fn(usize) -> bool + Sync,
     work: impl Fn(&mut Step, Around<'_>) -> T + Sync,
 ) -> Vec<T> {
-    let neighborhoods = Neighborhoods::new(positions, 0.8 * options.spacing);
     let clearance = clearance(options);
-    steps
-        .par_chunk_by_mut(|a, b| a.block == b.block)
-        .map_init(Scratch::new, |scratch, block| {
-            let first = block[0].block as usize;
-            let sites = first..first + block.len();
-            if !sites.clone().any(&wanted) {
-                return Vec::new();
-            }
-            scratch.surround(&neighborhoods, &positions[sites.clone()], options.spacing);
-            sites
-                .zip(block)
+    let mut rest = steps;
+    let mut blocks = Vec::with_capacity(neighborhoods.blocks().len());
+    for block in neighborhoods.blocks() {
+        let (own, others) = rest.split_at_mut(block.len());
+        blocks.push((block, own));
+        rest = others;
+    }
+    blocks
+        .into_par_iter()
+        .map_init(Scratch::new, |scratch, (block, steps)| {
+            scratch.has_samples = false;
+            neighborhoods.strays_around(block, &mut scratch.strays);
+            block
+                .clone()
+                .zip(steps)
                 .filter(|&(site, _)| wanted(site))
                 .map(|(site, step)| {
                     // Nobody has looked around this site yet.
                     scratch.neighbors.clear();
                     let around = Around {
                         site,
-                        place: positions[site],
+                        place: neighborhoods.places()[site],
                         spacing: options.spacing,
                         clearance,
-                        neighborhoods: &neighborhoods,
+                        neighborhoods,
+                        block: block.clone(),
+                        links: step.links,
+                        was_open: step.is_open,
                         scratch,
                     };
                     work(step, around)
                 })
-                .collect()
+                .collect::<Vec<_>>()
         })
         .flatten_iter()
         .collect()
@@ -477,10 +481,12 @@ impl Step {
     /// A step that goes nowhere.
     fn rest(&mut self, place: Local, matters: bool) {
         self.target = place;
-        self.links = [NO_LINK; LINKS];
         self.nearest = None;
         self.free = 0.0;
         self.is_exact &= matters;
+        if !matters {
+            self.links = [NO_LINK; LINKS];
+        }
     }
 
     /// III-B: the patch, kept while the site stays near where it was fitted.
@@ -488,6 +494,7 @@ impl Step {
         let place = around.place;
         if !self
             .fit
+            .as_ref()
             .is_some_and(|fit| fit.serves(place, options.spacing))
         {
             self.fit = around.fit(scan, options);
@@ -504,6 +511,7 @@ impl Step {
         mut around: Around<'_>,
     ) {
         self.fit_patch(scan, options, &mut around);
+        self.links = [NO_LINK; LINKS];
         let Some(fit) = &mut self.fit else {
             self.nearest = around.nearest_within(FARTHEST_NEIGHBOR * options.spacing);
             return;
@@ -517,6 +525,7 @@ impl Step {
         for (link, neighbor) in self.links.iter_mut().zip(cell.neighbors()) {
             *link = neighbor;
         }
+        self.is_open = !cell.is_closed();
         // Exact if everything within the security radius is.
         let security = cell.security_squared();
         self.is_exact &= neighbors

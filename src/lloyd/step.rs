@@ -1,11 +1,15 @@
 //! One Lloyd step of one site: its patch, its neighbours, its cell.
 
-use crate::geometry::{
-    Cell, DOMAIN_SIDES, Local, Moments, Neighbor, NeighborGrid, Patch, PatchKind, Reach,
-    domain_corners,
-};
+use std::ops::Range;
 
-use super::{Options, Restriction, Scan, SeedRule};
+use super::{
+    Options, Restriction, Scan, SeedRule,
+    acceleration::{LINKS, linked},
+    neighborhoods::{NEAR, Neighborhoods},
+};
+use crate::geometry::{
+    Cell, DOMAIN_SIDES, Local, Moments, Neighbor, Patch, PatchKind, Reach, domain_corners,
+};
 
 /// Radius of a cell's domain, in spacings. Seeds cover surfaces at 0.745
 /// spacings, so no cell inside one reaches it.
@@ -37,7 +41,7 @@ pub(super) const THICKNESS: f64 = 0.25;
 const WITHIN: f64 = 0.9;
 
 /// A patch and what the fit saw.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Fit {
     pub(super) patch: Patch,
     /// Where the site was when the patch was fitted.
@@ -49,6 +53,8 @@ pub(super) struct Fit {
     /// The point that the boundary restriction found last: the next place is
     /// near it, too, more often than not.
     witness: Local,
+    /// How far the scan reaches around the anchor on the patch, once it was asked.
+    scanned: Option<Box<Reach>>,
 }
 
 impl Fit {
@@ -61,39 +67,59 @@ impl Fit {
     /// How far the scan reaches around `site` on the patch, at most as far as the
     /// domain. `samples` is scratch.
     fn scanned(
-        &self,
+        &mut self,
         site: Local,
         scan: &Scan,
         options: &Options,
         samples: &mut Vec<Local>,
     ) -> Reach {
-        let spacing = options.spacing;
-        scan.samples().gather(site, options.fit_radius, samples);
-        let mut reach = [0.0_f64; DOMAIN_SIDES];
-        let [u, v, _] = self.patch.coordinates(site);
-        for &sample in &*samples {
-            let [s, t, height] = self.patch.coordinates(sample);
-            if (height - self.patch.height(s, t)).abs() > THICKNESS * spacing {
-                continue;
-            }
-            let way = [s - u, t - v];
-            let distance = way[0].hypot(way[1]);
-            for (reach, corner) in reach.iter_mut().zip(domain_corners()) {
-                let along = way[0] * corner[0] + way[1] * corner[1];
-                if along >= WITHIN * distance {
-                    *reach = reach.max(along);
-                }
-            }
-        }
+        let Self {
+            patch,
+            anchor,
+            scanned,
+            ..
+        } = self;
+        let from_anchor = scanned.get_or_insert_with(|| {
+            scan.samples().gather(*anchor, options.fit_radius, samples);
+            Box::new(reach_of(samples, patch, *anchor, options.spacing))
+        });
         // A sample stands for what is around it.
-        let margin = (0.5 * self.input_spacing).max(0.42 * spacing);
-        reach.map(|reach| (reach + margin).min(DOMAIN_RADIUS * spacing))
+        let margin = (0.5 * self.input_spacing).max(0.42 * options.spacing);
+        let way = site - *anchor;
+        let [u, v] = [0, 1].map(|axis| patch.axes[axis].dot(&way));
+        let mut reach = **from_anchor;
+        for (reach, [cos, sin]) in reach.iter_mut().zip(domain_corners()) {
+            let left = (*reach - u * cos - v * sin).max(0.0);
+            *reach = (left + margin).min(DOMAIN_RADIUS * options.spacing);
+        }
+        reach
     }
 
     /// Whether the patch describes its neighbourhood well enough to move by.
     pub(super) fn is_trusted(&self) -> bool {
         self.trust > 0.0
     }
+}
+
+/// How far those of `samples` that lie on `patch` reach around `place`.
+fn reach_of(samples: &[Local], patch: &Patch, place: Local, spacing: f64) -> Reach {
+    let mut reach = [0.0_f64; DOMAIN_SIDES];
+    let [u, v, _] = patch.coordinates(place);
+    for &sample in samples {
+        let [s, t, height] = patch.coordinates(sample);
+        if (height - patch.height(s, t)).abs() > THICKNESS * spacing {
+            continue;
+        }
+        let way = [s - u, t - v];
+        let distance = way[0].hypot(way[1]);
+        for (reach, corner) in reach.iter_mut().zip(domain_corners()) {
+            let along = way[0] * corner[0] + way[1] * corner[1];
+            if along >= WITHIN * distance {
+                *reach = reach.max(along);
+            }
+        }
+    }
+    reach
 }
 
 /// A patch that leaves this much unexplained, in spacings, is near an edge …
@@ -165,6 +191,7 @@ impl Samples {
             // A sharper patch finds a surface in leaves, too.
             trust: patch.trust(radius.max(options.spacing)),
             witness: Local::repeat(f64::NAN),
+            scanned: None,
         })
     }
 }
@@ -198,80 +225,25 @@ pub(super) fn is_allowed(scan: &Scan, fit: &mut Fit, place: Local, options: &Opt
     found.is_some()
 }
 
-/// The sites of one iteration, to be looked up around each.
-pub(super) struct Neighborhoods {
-    grid: NeighborGrid,
-}
-
 /// A patch is nearly flat if over the longest edge of a cell it leaves its chord by
 /// no more than a quarter of this, in spacings.
 const NEARLY_FLAT: f64 = 0.1;
 
-/// A first ball of so many spacings holds what cuts a good cell …
-const NEAR: f64 = 1.6;
-/// … and one of so many whatever can cut any.
+/// A ball of so many spacings holds whatever can cut any cell.
 const FAR: f64 = 2.5 * DOMAIN_RADIUS;
-
-impl Neighborhoods {
-    /// Sites by cells of `edge` (CRS units).
-    pub(super) fn new(sites: &[Local], edge: f64) -> Self {
-        Self {
-            grid: NeighborGrid::new(sites, edge),
-        }
-    }
-
-    /// Fills `neighbors` with every site but `own` within `radius` of `place`,
-    /// nearest first, equally near ones in the order of the sites.
-    pub(super) fn gather(
-        &self,
-        place: Local,
-        own: usize,
-        radius: f64,
-        neighbors: &mut Vec<Neighbor>,
-    ) {
-        neighbors.clear();
-        self.grid.visit_around(place, radius, |index, position| {
-            neighbors.extend(neighbor(place, own, radius * radius, index, position));
-        });
-        sort(neighbors);
-    }
-}
-
-/// Site `index` at `position` as a neighbour of site `own` at `place`.
-fn neighbor(
-    place: Local,
-    own: usize,
-    radius_squared: f64,
-    index: u32,
-    position: Local,
-) -> Option<Neighbor> {
-    let distance_squared = (position - place).norm_squared();
-    (distance_squared <= radius_squared && index as usize != own).then_some(Neighbor {
-        distance_squared,
-        index,
-        position,
-    })
-}
-
-fn sort(neighbors: &mut [Neighbor]) {
-    neighbors.sort_unstable_by(|a, b| {
-        a.distance_squared
-            .total_cmp(&b.distance_squared)
-            .then(a.index.cmp(&b.index))
-    });
-}
 
 /// What a thread reuses from site to site.
 pub(super) struct Scratch {
     pub(super) cell: Cell,
     /// The neighbours of a site, nearest first.
     pub(super) neighbors: Vec<Neighbor>,
+    /// Those that its cell had edges with.
+    ring: Vec<Neighbor>,
     pub(super) samples: Samples,
-    /// The box of a block's sites, and whether the samples are those around it.
-    block: [Local; 2],
-    has_samples: bool,
-    /// The sites that can be near one of a block.
-    around: Vec<(u32, Local)>,
+    /// Whether the samples are those around the block.
+    pub(super) has_samples: bool,
+    /// Strays around the block.
+    pub(super) strays: Vec<u32>,
 }
 
 impl Scratch {
@@ -279,36 +251,16 @@ impl Scratch {
         Self {
             cell: Cell::new(),
             neighbors: Vec::new(),
+            ring: Vec::new(),
             samples: Samples::default(),
-            block: [Local::zeros(); 2],
             has_samples: false,
-            around: Vec::new(),
+            strays: Vec::new(),
         }
     }
 
     /// Distance to the nearest neighbour.
     pub(super) fn nearest(&self) -> Option<f64> {
         self.neighbors.first().map(|n| n.distance_squared.sqrt())
-    }
-
-    /// Looks up the sites around a `block` of them.
-    pub(super) fn surround(
-        &mut self,
-        neighborhoods: &Neighborhoods,
-        block: &[Local],
-        spacing: f64,
-    ) {
-        let [low, high] = bounds(block.iter().copied());
-        self.block = [low, high];
-        self.has_samples = false;
-        let reach = Local::repeat(NEAR * spacing);
-        let (low, high) = (low - reach, high + reach);
-        self.around.clear();
-        neighborhoods.grid.visit_box(low, high, |index, place| {
-            if low <= place && place <= high {
-                self.around.push((index, place));
-            }
-        });
     }
 }
 
@@ -320,15 +272,21 @@ pub(super) struct Around<'a> {
     /// No step brings two sites nearer than this (CRS units).
     pub(super) clearance: f64,
     pub(super) neighborhoods: &'a Neighborhoods,
-    /// Its block is surrounded.
+    /// The sites of its block.
+    pub(super) block: Range<usize>,
+    /// Those that its cell had edges with last, counter-clockwise.
+    pub(super) links: [u32; LINKS],
+    /// Whether they did not bound it all around.
+    pub(super) was_open: bool,
     pub(super) scratch: &'a mut Scratch,
 }
 
 impl Around<'_> {
     /// Looks up the samples around the whole block, for all its patches to come.
     pub(super) fn look_for_samples(&mut self, scan: &Scan, options: &Options) {
-        let [low, high] = self.scratch.block;
         if !self.scratch.has_samples {
+            let places = &self.neighborhoods.places()[self.block.clone()];
+            let [low, high] = bounds(places.iter().copied());
             self.scratch.samples.look(scan, low, high, options);
             self.scratch.has_samples = true;
         }
@@ -352,32 +310,56 @@ impl Around<'_> {
     /// not bound all around ends where the scan does, if sites are to keep to it.
     pub(super) fn restricted_cell(
         &mut self,
-        fit: &Fit,
+        fit: &mut Fit,
         scan: &Scan,
         options: &Options,
     ) -> Option<Moments> {
-        self.look_near();
-        let Scratch {
-            cell, neighbors, ..
-        } = &mut *self.scratch;
-        let within = 0.5 * NEAR * self.spacing;
-        // Long edges of a bent patch would be cut twice, and missed.
-        let is_nearly_flat = fit.patch.most_bend(2.0 * within) <= NEARLY_FLAT * self.spacing;
-        if is_nearly_flat && cell.clip_within(&fit.patch, self.place, within, neighbors) {
-            return cell.moments(&fit.patch, self.place);
-        }
-        let domain = [DOMAIN_RADIUS * self.spacing; DOMAIN_SIDES];
-        self.clip(fit, &domain);
-        if self.scratch.cell.security_squared() > (NEAR * self.spacing).powi(2) {
-            self.look_as_far_as(FAR * self.spacing);
-            self.clip(fit, &domain);
-        }
-        if !self.scratch.cell.is_closed() && options.restriction == Restriction::Local {
-            let within = &mut self.scratch.samples.within;
-            let scanned = fit.scanned(self.place, scan, options, within);
-            self.clip(fit, &scanned);
+        let is_closed = !self.was_open && self.closed_cell(fit);
+        if !is_closed {
+            self.open_cell(fit, scan, options);
         }
         self.scratch.cell.moments(&fit.patch, self.place)
+    }
+
+    /// The cell, if near neighbours bound it all around; whether they do.
+    fn closed_cell(&mut self, fit: &Fit) -> bool {
+        self.look_near();
+        let Scratch {
+            cell,
+            ring,
+            neighbors,
+            ..
+        } = &mut *self.scratch;
+        let radius = 0.5 * NEAR * self.spacing;
+        ring.clear();
+        ring.extend(linked(&self.links).filter_map(|link| {
+            let is_it = |neighbor: &&Neighbor| neighbor.index == link;
+            neighbors.iter().find(is_it)
+        }));
+        if cell.close(&fit.patch, self.place, radius, ring, neighbors) {
+            return true;
+        }
+        // Long edges of a bent patch would be cut twice, and missed.
+        if fit.patch.most_bend(2.0 * radius) <= NEARLY_FLAT * self.spacing {
+            return cell.clip_within(&fit.patch, self.place, radius, neighbors);
+        }
+        self.clip(fit, &self.domain());
+        self.scratch.cell.security_squared() <= (NEAR * self.spacing).powi(2)
+    }
+
+    /// The cell, whatever bounds it.
+    fn open_cell(&mut self, fit: &mut Fit, scan: &Scan, options: &Options) {
+        self.look_as_far_as(FAR * self.spacing);
+        self.clip(fit, &self.domain());
+        if !self.scratch.cell.is_closed() && options.restriction == Restriction::Local {
+            let samples = &mut self.scratch.samples.within;
+            let scanned = fit.scanned(self.place, scan, options, samples);
+            self.clip(fit, &scanned);
+        }
+    }
+
+    fn domain(&self) -> Reach {
+        [DOMAIN_RADIUS * self.spacing; DOMAIN_SIDES]
     }
 
     fn clip(&mut self, fit: &Fit, reach: &Reach) {
@@ -388,26 +370,15 @@ impl Around<'_> {
     }
 
     fn look_near(&mut self) {
-        let radius_squared = (NEAR * self.spacing).powi(2);
         let Scratch {
-            neighbors, around, ..
+            strays, neighbors, ..
         } = &mut *self.scratch;
-        neighbors.clear();
-        for &(index, position) in &*around {
-            neighbors.extend(neighbor(
-                self.place,
-                self.site,
-                radius_squared,
-                index,
-                position,
-            ));
-        }
-        sort(neighbors);
+        self.neighborhoods.near(self.site, strays, neighbors);
     }
 
     fn look_as_far_as(&mut self, radius: f64) {
         self.neighborhoods
-            .gather(self.place, self.site, radius, &mut self.scratch.neighbors);
+            .within(self.site, radius, &mut self.scratch.neighbors);
     }
 
     /// As near to `target` as the site can go and keep clear of every neighbour's
@@ -420,11 +391,15 @@ impl Around<'_> {
         if step.norm_squared() > longest * longest {
             step *= longest / step.norm();
         }
+        // Most are too far to be in the way.
+        let reach = self.clearance + (2.0 + 1e-9) * step.norm();
         // What leads too near to a neighbour is taken off the step, not the step
         // off the site; where two are in the way it is shortened.
         let neighbors = || {
+            let is_in_the_way = |n: &&Neighbor| n.distance_squared <= reach * reach;
+            let near = self.scratch.neighbors.iter().take_while(is_in_the_way);
             let apart = |n: &&Neighbor| n.distance_squared > 0.0;
-            self.scratch.neighbors.iter().filter(apart).map(|neighbor| {
+            near.filter(apart).map(|neighbor| {
                 let distance = neighbor.distance_squared.sqrt();
                 let towards = (neighbor.position - self.place) / distance;
                 (towards, self.room(distance))

@@ -1,0 +1,297 @@
+//! Which sites are near which, kept from one iteration to the next.
+//!
+//! Sites move little in an iteration. So each has a list of those that lie within
+//! what cuts a good cell *and a skin*, and the list holds as long as no site has
+//! gone farther than half the skin (Verlet, *Computer "experiments" on classical
+//! fluids*, 1967). A few always go farther: these *strays* are looked up by where
+//! they are, and once they are many, all lists are made anew.
+//!
+//! What is found does not depend on when the lists were made: two tiles that make
+//! them at different times find the same neighbours in the same order.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::step::bounds;
+use crate::geometry::{Local, Neighbor, NeighborGrid};
+
+/// A ball of so many spacings holds what cuts a good cell.
+pub(super) const NEAR: f64 = 1.6;
+
+/// How much nearer to each other two sites may have come, in spacings. Wider lists
+/// last longer, and take longer to go through.
+const SKIN: f64 = 0.4;
+
+/// Lists are made anew for more strays than one in so many sites.
+const MANY: usize = 50;
+
+/// Edge of the cells that sites are looked up by, in spacings.
+const CELL: f64 = 0.8;
+
+/// The sites of a cloud, and what is near each.
+pub(super) struct Neighborhoods {
+    spacing: f64,
+    /// Where the sites are.
+    places: Vec<Local>,
+    /// Sites that lie together.
+    blocks: Vec<Range<usize>>,
+    lists: Lists,
+    /// Sites that have gone farther than half the skin, and where they are.
+    strays: Vec<u32>,
+    strayed: NeighborGrid,
+}
+
+/// For every site those that were near it.
+struct Lists {
+    /// Where the sites were.
+    places: Vec<Local>,
+    /// The same, to be looked up.
+    grid: NeighborGrid,
+    /// Of site k they are `others[starts[k]..starts[k + 1]]`, nearest first.
+    starts: Vec<u32>,
+    others: Vec<u32>,
+}
+
+impl Neighborhoods {
+    /// Sites at `places`, block by block.
+    pub(super) fn new(places: Vec<Local>, blocks: Vec<Range<usize>>, spacing: f64) -> Self {
+        Self {
+            spacing,
+            lists: Lists::new(places.clone(), &blocks, spacing),
+            places,
+            blocks,
+            strays: Vec::new(),
+            strayed: NeighborGrid::new(&[], CELL * spacing),
+        }
+    }
+
+    /// Where the sites are.
+    pub(super) fn places(&self) -> &[Local] {
+        &self.places
+    }
+
+    /// Sites that lie together, as ranges of them all.
+    pub(super) fn blocks(&self) -> &[Range<usize>] {
+        &self.blocks
+    }
+
+    /// Moves the sites to `places`.
+    pub(super) fn go(&mut self, places: Vec<Local>) {
+        self.places = places;
+        let skin = 0.5 * SKIN * self.spacing;
+        let has_strayed = |&site: &u32| {
+            let way = self.places[site as usize] - self.lists.places[site as usize];
+            way.norm_squared() > skin * skin
+        };
+        let sites = 0..self.places.len() as u32;
+        self.strays = sites.into_par_iter().filter(has_strayed).collect();
+        if self.strays.len() > self.places.len() / MANY {
+            self.lists = Lists::new(self.places.clone(), &self.blocks, self.spacing);
+            self.strays.clear();
+        }
+        let strayed: Vec<Local> = self
+            .strays
+            .iter()
+            .map(|&k| self.places[k as usize])
+            .collect();
+        self.strayed = NeighborGrid::new(&strayed, CELL * self.spacing);
+    }
+
+    /// Fills `strays` with those that can be near a site of `block`.
+    pub(super) fn strays_around(&self, block: &Range<usize>, strays: &mut Vec<u32>) {
+        strays.clear();
+        if self.strays.is_empty() {
+            return;
+        }
+        let [low, high] = bounds(self.places[block.clone()].iter().copied());
+        let reach = Local::repeat(NEAR * self.spacing);
+        self.strayed
+            .visit_box(low - reach, high + reach, |stray, _| {
+                strays.push(self.strays[stray as usize]);
+            });
+    }
+
+    /// Fills `neighbors` with every other site within [`NEAR`] of `site`, nearest
+    /// first, equally near ones in the order of the sites. `strays` must hold those
+    /// around it.
+    pub(super) fn near(&self, site: usize, strays: &[u32], neighbors: &mut Vec<Neighbor>) {
+        let radius = NEAR * self.spacing;
+        if strays.contains(&(site as u32)) {
+            return self.within(site, radius, neighbors);
+        }
+        let place = self.places[site];
+        let listed = self.lists.of(site);
+        let missing = strays.iter().filter(|stray| !listed.contains(stray));
+        neighbors.clear();
+        neighbors.extend(listed.iter().chain(missing).filter_map(|&other| {
+            let position = self.places[other as usize];
+            neighbor(place, other, position, radius)
+        }));
+        sort(neighbors);
+    }
+
+    /// The same for any `radius` (CRS units).
+    pub(super) fn within(&self, site: usize, radius: f64, neighbors: &mut Vec<Neighbor>) {
+        let place = self.places[site];
+        neighbors.clear();
+        let mut add = |other: u32| {
+            if other as usize != site {
+                let position = self.places[other as usize];
+                neighbors.extend(neighbor(place, other, position, radius));
+            }
+        };
+        let reach = radius + 0.5 * SKIN * self.spacing;
+        let is_stray = |other| !self.strays.is_empty() && self.strays.binary_search(&other).is_ok();
+        self.lists.grid.visit_around(place, reach, |other, _| {
+            if !is_stray(other) {
+                add(other);
+            }
+        });
+        self.strayed
+            .visit_around(place, radius, |stray, _| add(self.strays[stray as usize]));
+        sort(neighbors);
+    }
+}
+
+/// Fills `neighbors` with every site of `grid` but `own` within `radius` of `place`
+/// (CRS units), nearest first, equally near ones in the order of the sites.
+pub(super) fn within(
+    grid: &NeighborGrid,
+    place: Local,
+    own: usize,
+    radius: f64,
+    neighbors: &mut Vec<Neighbor>,
+) {
+    neighbors.clear();
+    grid.visit_around(place, radius, |other, position| {
+        if other as usize != own {
+            neighbors.extend(neighbor(place, other, position, radius));
+        }
+    });
+    sort(neighbors);
+}
+
+/// Site `index` at `position` as a neighbour of one at `place`, if it is within
+/// `radius`.
+fn neighbor(place: Local, index: u32, position: Local, radius: f64) -> Option<Neighbor> {
+    let distance_squared = (position - place).norm_squared();
+    (distance_squared <= radius * radius).then_some(Neighbor {
+        distance_squared,
+        index,
+        position,
+    })
+}
+
+impl Lists {
+    fn new(places: Vec<Local>, blocks: &[Range<usize>], spacing: f64) -> Self {
+        let grid = NeighborGrid::new(&places, CELL * spacing);
+        let radius = (NEAR + SKIN) * spacing;
+        let of_block = |around: &mut Vec<(u32, Local)>, block: &Range<usize>| {
+            let [low, high] = bounds(places[block.clone()].iter().copied());
+            let reach = Local::repeat(radius);
+            around.clear();
+            grid.visit_box(low - reach, high + reach, |other, place| {
+                around.push((other, place))
+            });
+            let mut near: Vec<(f64, u32)> = Vec::new();
+            let (mut counts, mut others) = (Vec::with_capacity(block.len()), Vec::new());
+            for site in block.clone() {
+                near.clear();
+                near.extend(around.iter().filter_map(|&(other, place)| {
+                    let squared = (place - places[site]).norm_squared();
+                    (squared <= radius * radius && other as usize != site)
+                        .then_some((squared, other))
+                }));
+                near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+                counts.push(near.len() as u32);
+                others.extend(near.iter().map(|&(_, other)| other));
+            }
+            (counts, others)
+        };
+        let by_block: Vec<(Vec<u32>, Vec<u32>)> =
+            blocks.par_iter().map_init(Vec::new, of_block).collect();
+        let mut starts = vec![0];
+        let mut end = 0;
+        for count in by_block.iter().flat_map(|(counts, _)| counts) {
+            end += count;
+            starts.push(end);
+        }
+        let others = by_block
+            .into_iter()
+            .flat_map(|(_, others)| others)
+            .collect();
+        Self {
+            places,
+            grid,
+            starts,
+            others,
+        }
+    }
+
+    fn of(&self, site: usize) -> &[u32] {
+        &self.others[self.starts[site] as usize..self.starts[site + 1] as usize]
+    }
+}
+
+fn sort(neighbors: &mut [Neighbor]) {
+    neighbors.sort_unstable_by(|a, b| {
+        a.distance_squared
+            .total_cmp(&b.distance_squared)
+            .then(a.index.cmp(&b.index))
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::spread;
+
+    /// Kept lists, against a look at all sites.
+    #[test]
+    fn what_is_near_is_found_however_far_the_sites_have_gone() {
+        let roll = |k: u64| spread(k) as f64 / u64::MAX as f64;
+        let n = 600;
+        let mut places: Vec<Local> = (0..n)
+            .map(|k| Local::new(20.0 * roll(3 * k), 20.0 * roll(3 * k + 1), roll(3 * k + 2)))
+            .collect();
+        places[1] = places[0];
+        let blocks = (0..n as usize).step_by(10).map(|k| k..k + 10).collect();
+        let mut sites = Neighborhoods::new(places.clone(), blocks, 1.0);
+        let mut met_strays = 0;
+        for round in 1..8_u64 {
+            // All go a little, some far.
+            for (k, place) in (0_u64..).zip(&mut places) {
+                let far = if k % 60 == 0 { 1.0 } else { 0.03 };
+                let way = |axis| roll(spread(round) ^ (3 * k + axis)) - 0.5;
+                *place += Local::new(way(0), way(1), way(2)) * far;
+            }
+            sites.go(places.clone());
+            met_strays += sites.strays.len();
+            let (mut found, mut strays) = (Vec::new(), Vec::new());
+            for own in 0..places.len() {
+                for radius in [NEAR, 2.5] {
+                    let mut truth: Vec<(f64, u32)> = (0..)
+                        .zip(&places)
+                        .map(|(other, &place)| ((place - places[own]).norm_squared(), other))
+                        .filter(|&(d, other)| d <= radius * radius && other != own as u32)
+                        .collect();
+                    truth.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+                    if radius == NEAR {
+                        let block = own / 10 * 10..own / 10 * 10 + 10;
+                        sites.strays_around(&block, &mut strays);
+                        sites.near(own, &strays, &mut found);
+                    } else {
+                        sites.within(own, radius, &mut found);
+                    }
+                    let found: Vec<(f64, u32)> = found
+                        .iter()
+                        .map(|n| (n.distance_squared, n.index))
+                        .collect();
+                    assert_eq!(found, truth, "round {round}, site {own}, radius {radius}");
+                }
+            }
+        }
+        assert!(met_strays > 0);
+    }
+}
