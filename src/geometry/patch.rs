@@ -46,19 +46,19 @@ impl Heights {
         0.5 * (self.a * u * u + 2.0 * self.b * u * v + self.c * v * v)
     }
 
-    /// The derivatives along `u` and `v` at the origin.
-    pub(super) fn slopes(&self) -> [f64; 2] {
-        [self.p, self.q]
+    /// The derivatives along `u` and `v` over `(u, v)`.
+    pub(super) fn slopes(&self, u: f64, v: f64) -> [f64; 2] {
+        [
+            self.p + self.a * u + self.b * v,
+            self.q + self.b * u + self.c * v,
+        ]
     }
 
     /// The same surface over the same plane, from a place `(u, v, w)`.
     fn from(&self, [u, v, w]: [f64; 3]) -> Self {
-        Self {
-            h: self.at(u, v) - w,
-            p: self.p + self.a * u + self.b * v,
-            q: self.q + self.b * u + self.c * v,
-            ..*self
-        }
+        let h = self.at(u, v) - w;
+        let [p, q] = self.slopes(u, v);
+        Self { h, p, q, ..*self }
     }
 }
 
@@ -366,7 +366,7 @@ impl Patch {
 
     /// Unit normal at the origin; its sign means nothing.
     pub fn normal(&self) -> Local {
-        let [p, q] = self.heights.slopes();
+        let Heights { p, q, .. } = self.heights;
         (self.axes[2] - self.axes[0] * p - self.axes[1] * q).normalize()
     }
 

@@ -7,6 +7,7 @@
 use std::{
     fs::File,
     io::{BufReader, Read, Seek, SeekFrom},
+    ops::Range,
     panic::{AssertUnwindSafe, catch_unwind},
     path::{Path, PathBuf},
 };
@@ -61,6 +62,8 @@ pub struct InputFile {
     /// What is odd about it.
     pub notes: Vec<String>,
     format: Format,
+    /// Points after which reading can begin, again and again; `None` if it cannot.
+    stride: Option<u64>,
 }
 
 impl InputFile {
@@ -114,6 +117,7 @@ impl InputFile {
             generating_software: lossy(&header.generating_software),
             notes: Vec::new(),
             format,
+            stride: None,
         };
         let mut reader = input.open()?;
         let las = reader.header().clone();
@@ -151,7 +155,38 @@ impl InputFile {
         if input.format.has_waveform {
             input.notes.push("wave packets are not carried over".into());
         }
+        input.stride = input.find_stride(&mut reader);
         Ok(input)
+    }
+
+    /// The points of a chunk of LAZ, if all chunks are alike and `reader` finds them.
+    fn find_stride(&self, reader: &mut Reader) -> Option<u64> {
+        if !self.format.is_compressed {
+            return Some(1);
+        }
+        let records = reader.header().laz_vlr().ok()?;
+        let stride = u64::from(records.chunk_size());
+        // The chunk table may be missing, or damaged.
+        let mut is_found = || catch_unwind(AssertUnwindSafe(|| reader.seek(stride)));
+        (stride > 0
+            && stride < self.points_claimed
+            && !records.uses_variable_size_chunks()
+            && matches!(is_found(), Ok(Ok(()))))
+        .then_some(stride)
+    }
+
+    /// Its points in parts that can be read apart from each other, each of about
+    /// `points`.
+    pub fn parts(&self, points: u64) -> Vec<Range<u64>> {
+        let all = self.points_claimed;
+        let length = match self.stride {
+            Some(stride) => points.div_ceil(stride).saturating_mul(stride),
+            None => all,
+        };
+        let starts = (0..all.max(1)).step_by(usize::try_from(length.max(1)).unwrap_or(usize::MAX));
+        starts
+            .map(|start| start..(start + length).min(all))
+            .collect()
     }
 
     /// Whether the header's bounds can be true of a file with a point at
@@ -219,7 +254,7 @@ impl InputFile {
     fn open(&self) -> Result<Reader, LasError> {
         let file = File::open(&self.path)
             .map_err(|e| LasError::new(&self.path, format!("cannot be read: {e}")))?;
-        // Files are decoded in parallel, not the chunks of one: the parallel
+        // Parts of files are decoded in parallel, by a reader each: the parallel
         // decoder holds whole chunks, and some files are a single one.
         let options = ReaderOptions::default().with_laz_parallelism(LazParallelism::No);
         let open = || Reader::with_options(BufReader::with_capacity(1 << 20, file), options);
@@ -383,20 +418,21 @@ fn extra_bytes(vlrs: &[&Vlr], length: usize, notes: &mut Vec<String>) -> Vec<Ext
     extras
 }
 
-/// The points of a file, as records of the run.
+/// The points of a part of a file, as records of the run.
 #[allow(missing_debug_implementations, reason = "the reader inside has none")]
 pub struct PointStream {
     path: PathBuf,
     reader: Reader,
     batch: PointData,
     converter: Converter,
+    part: Range<u64>,
     claimed: u64,
     counts: PointCounts,
     /// Bounds that the header claims, in the file's own stored units.
     bounds: [[f64; 3]; 2],
 }
 
-/// Points of a file, as far as it was read.
+/// Points of a file or a part of it, as far as it was read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PointCounts {
     /// Points read.
@@ -408,19 +444,42 @@ pub struct PointCounts {
     pub outside: u64,
 }
 
+impl PointCounts {
+    /// Adds those of another part.
+    pub fn add(&mut self, other: &Self) {
+        self.read += other.read;
+        self.rejected += other.rejected;
+        self.outside += other.outside;
+    }
+}
+
 impl PointStream {
-    /// Opens `input`, to be read as `record` on `lattice`.
+    /// Opens a `part` of `input`, to be read as `record` on `lattice`.
     ///
     /// # Errors
     ///
-    /// If the file cannot be opened (any more).
+    /// If the file cannot be opened (any more), or the part not be found in it.
     pub fn open(
         input: &InputFile,
+        part: Range<u64>,
         record: &RecordFormat,
         lattice: Lattice,
     ) -> Result<Self, LasError> {
-        let reader = input.open()?;
+        let mut reader = input.open()?;
+        if part.start > 0 {
+            let seek = catch_unwind(AssertUnwindSafe(|| reader.seek(part.start)));
+            if !matches!(seek, Ok(Ok(()))) {
+                return Err(LasError::new(
+                    &input.path,
+                    format!(
+                        "is damaged: point {} of {} is not found; repair it or leave it out",
+                        part.start, input.points_claimed
+                    ),
+                ));
+            }
+        }
         Ok(Self {
+            part,
             path: input.path.clone(),
             batch: PointDataBuilder::new().for_header(reader.header()).build(),
             converter: Converter::new(input, record, lattice),
@@ -441,7 +500,7 @@ impl PointStream {
     /// If the file ends early or cannot be decoded.
     pub fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<usize, LasError> {
         records.clear();
-        let wanted = BATCH.min(self.claimed - self.counts.read);
+        let wanted = BATCH.min(self.part.end - self.part.start - self.counts.read);
         if wanted == 0 {
             return Ok(0);
         }
@@ -475,7 +534,8 @@ impl PointStream {
             &self.path,
             format!(
                 "is truncated or damaged after point {} of {}: {why}; repair it or leave it out",
-                self.counts.read, self.claimed
+                self.part.start + self.counts.read,
+                self.claimed
             ),
         )
     }

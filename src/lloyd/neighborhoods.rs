@@ -71,6 +71,11 @@ impl Neighborhoods {
         &self.places
     }
 
+    /// The spacing of the run (CRS units).
+    pub(super) fn spacing(&self) -> f64 {
+        self.spacing
+    }
+
     /// Sites that lie together, as ranges of them all.
     pub(super) fn blocks(&self) -> &[Range<usize>] {
         &self.blocks
@@ -98,89 +103,86 @@ impl Neighborhoods {
         self.strayed = NeighborGrid::new(&strayed, CELL * self.spacing);
     }
 
-    /// Fills `strays` with those that can be near a site of `block`.
-    pub(super) fn strays_around(&self, block: &Range<usize>, strays: &mut Vec<u32>) {
-        strays.clear();
-        if self.strays.is_empty() {
-            return;
-        }
+    /// Fills `around` with every site that can be within `radius` (CRS units) of one
+    /// of `block`.
+    pub(super) fn look_around(&self, block: &Range<usize>, radius: f64, around: &mut Vec<u32>) {
+        self.strays_around(block, radius, around);
         let [low, high] = bounds(self.places[block.clone()].iter().copied());
-        let reach = Local::repeat(NEAR * self.spacing);
-        self.strayed
-            .visit_box(low - reach, high + reach, |stray, _| {
-                strays.push(self.strays[stray as usize]);
+        let reach = Local::repeat(radius + 0.5 * SKIN * self.spacing);
+        let is_stray = |other| !self.strays.is_empty() && self.strays.binary_search(&other).is_ok();
+        self.lists
+            .grid
+            .visit_box(low - reach, high + reach, |other, _| {
+                if !is_stray(other) {
+                    around.push(other);
+                }
             });
     }
 
-    /// Fills `neighbors` with every other site within [`NEAR`] of `site`, nearest
-    /// first, equally near ones in the order of the sites. `strays` must hold those
-    /// around it.
-    pub(super) fn near(&self, site: usize, strays: &[u32], neighbors: &mut Vec<Neighbor>) {
-        let radius = NEAR * self.spacing;
+    /// The same for strays alone.
+    pub(super) fn strays_around(&self, block: &Range<usize>, radius: f64, strays: &mut Vec<u32>) {
+        strays.clear();
+        if !self.strays.is_empty() {
+            let [low, high] = bounds(self.places[block.clone()].iter().copied());
+            let reach = Local::repeat(radius);
+            let add = |stray: u32, _| strays.push(self.strays[stray as usize]);
+            self.strayed.visit_box(low - reach, high + reach, add);
+        }
+    }
+
+    /// Fills `neighbors` with every other site within [`NEAR`] of `site`. `strays`
+    /// are those around it; `false` if it is one, and has no list.
+    pub(super) fn near(&self, site: usize, strays: &[u32], neighbors: &mut Vec<Neighbor>) -> bool {
         if strays.contains(&(site as u32)) {
-            return self.within(site, radius, neighbors);
+            return false;
         }
-        let place = self.places[site];
-        let listed = self.lists.of(site);
-        let missing = strays.iter().filter(|stray| !listed.contains(stray));
+        let listed = self.lists.of(site).iter();
+        let missing = strays
+            .iter()
+            .filter(|stray| !self.lists.of(site).contains(stray));
+        self.within(site, NEAR * self.spacing, listed.chain(missing), neighbors);
+        true
+    }
+
+    /// Fills `neighbors` with those of `others` within `radius` (CRS units) of
+    /// `site`, but itself.
+    pub(super) fn within<'a>(
+        &self,
+        site: usize,
+        radius: f64,
+        others: impl Iterator<Item = &'a u32>,
+        neighbors: &mut Vec<Neighbor>,
+    ) {
         neighbors.clear();
-        neighbors.extend(listed.iter().chain(missing).filter_map(|&other| {
-            let position = self.places[other as usize];
-            neighbor(place, other, position, radius)
+        neighbors.extend(others.filter_map(|&other| {
+            (other as usize != site)
+                .then(|| self.neighbor(site, other))
+                .filter(|neighbor| neighbor.distance_squared <= radius * radius)
         }));
-        sort(neighbors);
     }
 
-    /// The same for any `radius` (CRS units).
-    pub(super) fn within(&self, site: usize, radius: f64, neighbors: &mut Vec<Neighbor>) {
-        let place = self.places[site];
-        neighbors.clear();
-        let mut add = |other: u32| {
-            if other as usize != site {
-                let position = self.places[other as usize];
-                neighbors.extend(neighbor(place, other, position, radius));
-            }
-        };
-        let reach = radius + 0.5 * SKIN * self.spacing;
-        let is_stray = |other| !self.strays.is_empty() && self.strays.binary_search(&other).is_ok();
-        self.lists.grid.visit_around(place, reach, |other, _| {
-            if !is_stray(other) {
-                add(other);
-            }
-        });
-        self.strayed
-            .visit_around(place, radius, |stray, _| add(self.strays[stray as usize]));
-        sort(neighbors);
+    /// Site `other` as a neighbour of `site`.
+    pub(super) fn neighbor(&self, site: usize, other: u32) -> Neighbor {
+        neighbor(self.places[site], other, self.places[other as usize])
     }
 }
 
-/// Fills `neighbors` with every site of `grid` but `own` within `radius` of `place`
-/// (CRS units), nearest first, equally near ones in the order of the sites.
-pub(super) fn within(
-    grid: &NeighborGrid,
-    place: Local,
-    own: usize,
-    radius: f64,
-    neighbors: &mut Vec<Neighbor>,
-) {
-    neighbors.clear();
-    grid.visit_around(place, radius, |other, position| {
-        if other as usize != own {
-            neighbors.extend(neighbor(place, other, position, radius));
-        }
-    });
-    sort(neighbors);
-}
-
-/// Site `index` at `position` as a neighbour of one at `place`, if it is within
-/// `radius`.
-fn neighbor(place: Local, index: u32, position: Local, radius: f64) -> Option<Neighbor> {
-    let distance_squared = (position - place).norm_squared();
-    (distance_squared <= radius * radius).then_some(Neighbor {
-        distance_squared,
+/// Site `index` at `position` as a neighbour of one at `place`.
+pub(super) fn neighbor(place: Local, index: u32, position: Local) -> Neighbor {
+    Neighbor {
+        distance_squared: (position - place).norm_squared(),
         index,
         position,
-    })
+    }
+}
+
+/// Nearest first, equally near ones in the order of the sites.
+pub(super) fn sort(neighbors: &mut [Neighbor]) {
+    neighbors.sort_unstable_by(|a, b| {
+        a.distance_squared
+            .total_cmp(&b.distance_squared)
+            .then(a.index.cmp(&b.index))
+    });
 }
 
 impl Lists {
@@ -192,7 +194,7 @@ impl Lists {
             let reach = Local::repeat(radius);
             around.clear();
             grid.visit_box(low - reach, high + reach, |other, place| {
-                around.push((other, place))
+                around.push((other, place));
             });
             let mut near: Vec<(f64, u32)> = Vec::new();
             let (mut counts, mut others) = (Vec::with_capacity(block.len()), Vec::new());
@@ -234,14 +236,6 @@ impl Lists {
     }
 }
 
-fn sort(neighbors: &mut [Neighbor]) {
-    neighbors.sort_unstable_by(|a, b| {
-        a.distance_squared
-            .total_cmp(&b.distance_squared)
-            .then(a.index.cmp(&b.index))
-    });
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -268,7 +262,7 @@ mod tests {
             }
             sites.go(places.clone());
             met_strays += sites.strays.len();
-            let (mut found, mut strays) = (Vec::new(), Vec::new());
+            let (mut found, mut around) = (Vec::new(), Vec::new());
             for own in 0..places.len() {
                 for radius in [NEAR, 2.5] {
                     let mut truth: Vec<(f64, u32)> = (0..)
@@ -277,13 +271,13 @@ mod tests {
                         .filter(|&(d, other)| d <= radius * radius && other != own as u32)
                         .collect();
                     truth.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-                    if radius == NEAR {
-                        let block = own / 10 * 10..own / 10 * 10 + 10;
-                        sites.strays_around(&block, &mut strays);
-                        sites.near(own, &strays, &mut found);
-                    } else {
-                        sites.within(own, radius, &mut found);
+                    let block = own / 10 * 10..own / 10 * 10 + 10;
+                    sites.strays_around(&block, radius, &mut around);
+                    if radius > NEAR || !sites.near(own, &around, &mut found) {
+                        sites.look_around(&block, radius, &mut around);
+                        sites.within(own, radius, around.iter(), &mut found);
                     }
+                    sort(&mut found);
                     let found: Vec<(f64, u32)> = found
                         .iter()
                         .map(|n| (n.distance_squared, n.index))

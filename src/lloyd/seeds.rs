@@ -16,7 +16,13 @@
 
 use rayon::prelude::*;
 
-use super::{Options, Scan, neighborhoods::within, nodes::Nodes, scan::priority, step::Scratch};
+use super::{
+    Options, Scan,
+    neighborhoods::{neighbor, sort},
+    nodes::Nodes,
+    scan::priority,
+    step::Scratch,
+};
 use crate::geometry::{DOMAIN_SIDES, Local, NeighborGrid, Rect, Stored, spread};
 
 /// Radius of the Poisson-disk election, in spacings.
@@ -271,7 +277,13 @@ fn area_weighted(scan: &Scan, options: &Options) -> Seeds {
             let Some(fit) = samples.fit(site, options) else {
                 return vec![(identity, site)];
             };
-            within(&grid, site, own, 2.5 * radius, neighbors);
+            neighbors.clear();
+            grid.visit_around(site, 2.5 * radius, |other, position| {
+                if other as usize != own {
+                    neighbors.push(neighbor(site, other, position));
+                }
+            });
+            sort(neighbors);
             cell.clip(&fit.patch, site, &[radius; DOMAIN_SIDES], neighbors);
             let Some(moments) = cell.moments(&fit.patch, site) else {
                 return Vec::new();

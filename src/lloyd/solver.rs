@@ -449,8 +449,7 @@ fn by_block<T: Send>(
     blocks
         .into_par_iter()
         .map_init(Scratch::new, |scratch, (block, steps)| {
-            scratch.has_samples = false;
-            neighborhoods.strays_around(block, &mut scratch.strays);
+            scratch.begin(neighborhoods, block);
             block
                 .clone()
                 .zip(steps)
@@ -530,7 +529,7 @@ impl Step {
         let security = cell.security_squared();
         self.is_exact &= neighbors
             .iter()
-            .take_while(|n| n.distance_squared <= security)
+            .filter(|n| n.distance_squared <= security)
             .all(|n| was_exact[n.index as usize])
             && is_known(around.place, security.sqrt(), cone, scan.lattice());
         // IV-B, IV-D, IV-E: the centroid, on the patch, near the scan.

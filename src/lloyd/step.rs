@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::{
     Options, Restriction, Scan, SeedRule,
     acceleration::{LINKS, linked},
-    neighborhoods::{NEAR, Neighborhoods},
+    neighborhoods::{NEAR, Neighborhoods, sort},
 };
 use crate::geometry::{
     Cell, DOMAIN_SIDES, Local, Moments, Neighbor, Patch, PatchKind, Reach, domain_corners,
@@ -235,15 +235,19 @@ const FAR: f64 = 2.5 * DOMAIN_RADIUS;
 /// What a thread reuses from site to site.
 pub(super) struct Scratch {
     pub(super) cell: Cell,
-    /// The neighbours of a site, nearest first.
+    /// The neighbours of a site.
     pub(super) neighbors: Vec<Neighbor>,
     /// Those that its cell had edges with.
     ring: Vec<Neighbor>,
+    /// Those that are in the way of its step.
+    in_the_way: Vec<Neighbor>,
     pub(super) samples: Samples,
     /// Whether the samples are those around the block.
-    pub(super) has_samples: bool,
-    /// Strays around the block.
-    pub(super) strays: Vec<u32>,
+    has_samples: bool,
+    /// Strays around the block …
+    strays: Vec<u32>,
+    /// … and all sites whatever can cut a cell of it, once they were looked for.
+    around: Vec<u32>,
 }
 
 impl Scratch {
@@ -252,15 +256,26 @@ impl Scratch {
             cell: Cell::new(),
             neighbors: Vec::new(),
             ring: Vec::new(),
+            in_the_way: Vec::new(),
             samples: Samples::default(),
             has_samples: false,
             strays: Vec::new(),
+            around: Vec::new(),
         }
+    }
+
+    /// Makes ready for the sites of `block`.
+    pub(super) fn begin(&mut self, neighborhoods: &Neighborhoods, block: &Range<usize>) {
+        self.has_samples = false;
+        self.around.clear();
+        let radius = NEAR * neighborhoods.spacing();
+        neighborhoods.strays_around(block, radius, &mut self.strays);
     }
 
     /// Distance to the nearest neighbour.
     pub(super) fn nearest(&self) -> Option<f64> {
-        self.neighbors.first().map(|n| n.distance_squared.sqrt())
+        let squared = self.neighbors.iter().map(|n| n.distance_squared);
+        squared.min_by(f64::total_cmp).map(f64::sqrt)
     }
 }
 
@@ -332,13 +347,11 @@ impl Around<'_> {
         } = &mut *self.scratch;
         let radius = 0.5 * NEAR * self.spacing;
         ring.clear();
-        ring.extend(linked(&self.links).filter_map(|link| {
-            let is_it = |neighbor: &&Neighbor| neighbor.index == link;
-            neighbors.iter().find(is_it)
-        }));
+        ring.extend(linked(&self.links).map(|link| self.neighborhoods.neighbor(self.site, link)));
         if cell.close(&fit.patch, self.place, radius, ring, neighbors) {
             return true;
         }
+        sort(neighbors);
         // Long edges of a bent patch would be cut twice, and missed.
         if fit.patch.most_bend(2.0 * radius) <= NEARLY_FLAT * self.spacing {
             return cell.clip_within(&fit.patch, self.place, radius, neighbors);
@@ -349,9 +362,14 @@ impl Around<'_> {
 
     /// The cell, whatever bounds it.
     fn open_cell(&mut self, fit: &mut Fit, scan: &Scan, options: &Options) {
-        self.look_as_far_as(FAR * self.spacing);
-        self.clip(fit, &self.domain());
-        if !self.scratch.cell.is_closed() && options.restriction == Restriction::Local {
+        self.look_far();
+        sort(&mut self.scratch.neighbors);
+        let keeps_to_scan = options.restriction == Restriction::Local;
+        // A cell that ended where the scan does will again.
+        if !(self.was_open && keeps_to_scan) {
+            self.clip(fit, &self.domain());
+        }
+        if keeps_to_scan && (self.was_open || !self.scratch.cell.is_closed()) {
             let samples = &mut self.scratch.samples.within;
             let scanned = fit.scanned(self.place, scan, options, samples);
             self.clip(fit, &scanned);
@@ -373,33 +391,53 @@ impl Around<'_> {
         let Scratch {
             strays, neighbors, ..
         } = &mut *self.scratch;
-        self.neighborhoods.near(self.site, strays, neighbors);
+        if !self.neighborhoods.near(self.site, strays, neighbors) {
+            self.look_far();
+            let near = (NEAR * self.spacing).powi(2);
+            let neighbors = &mut self.scratch.neighbors;
+            neighbors.retain(|neighbor| neighbor.distance_squared <= near);
+        }
     }
 
-    fn look_as_far_as(&mut self, radius: f64) {
+    fn look_far(&mut self) {
+        let radius = FAR * self.spacing;
+        let Scratch {
+            around, neighbors, ..
+        } = &mut *self.scratch;
+        if around.is_empty() {
+            self.neighborhoods.look_around(&self.block, radius, around);
+        }
         self.neighborhoods
-            .within(self.site, radius, &mut self.scratch.neighbors);
+            .within(self.site, radius, around.iter(), neighbors);
     }
 
     /// As near to `target` as the site can go and keep clear of every neighbour's
     /// bisector by half the clearance. If all sites do, none come nearer to each
     /// other than it.
-    pub(super) fn keeping_clear(&self, target: Local) -> Local {
+    pub(super) fn keeping_clear(&mut self, target: Local) -> Local {
         let mut step = target - self.place;
         // Farther neighbours than are known here must not come near either.
         let longest = 0.5 * (NEAR * self.spacing - self.clearance);
         if step.norm_squared() > longest * longest {
             step *= longest / step.norm();
         }
-        // Most are too far to be in the way.
+        // Most neighbours are too far to be in the way.
         let reach = self.clearance + (2.0 + 1e-9) * step.norm();
-        // What leads too near to a neighbour is taken off the step, not the step
-        // off the site; where two are in the way it is shortened.
+        let is_in_the_way = |neighbor: &&Neighbor| {
+            neighbor.distance_squared <= reach * reach && neighbor.distance_squared > 0.0
+        };
+        let Scratch {
+            neighbors,
+            in_the_way,
+            ..
+        } = &mut *self.scratch;
+        in_the_way.clear();
+        in_the_way.extend(neighbors.iter().filter(is_in_the_way));
+        sort(in_the_way);
+        // What leads too near to one is taken off the step, not the step off the
+        // site; where two are in the way it is shortened.
         let neighbors = || {
-            let is_in_the_way = |n: &&Neighbor| n.distance_squared <= reach * reach;
-            let near = self.scratch.neighbors.iter().take_while(is_in_the_way);
-            let apart = |n: &&Neighbor| n.distance_squared > 0.0;
-            near.filter(apart).map(|neighbor| {
+            self.scratch.in_the_way.iter().map(|neighbor| {
                 let distance = neighbor.distance_squared.sqrt();
                 let towards = (neighbor.position - self.place) / distance;
                 (towards, self.room(distance))
@@ -436,7 +474,15 @@ impl Around<'_> {
             self.look_near();
         }
         if self.scratch.neighbors.is_empty() {
-            self.look_as_far_as(radius);
+            let Scratch {
+                around, neighbors, ..
+            } = &mut *self.scratch;
+            let own = self.site..self.site + 1;
+            self.neighborhoods.look_around(&own, radius, around);
+            self.neighborhoods
+                .within(self.site, radius, around.iter(), neighbors);
+            // The next site of the block has other ones around.
+            around.clear();
         }
         self.scratch.nearest()
     }

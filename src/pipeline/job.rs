@@ -2,6 +2,7 @@
 
 use std::{
     fs::{self, File},
+    ops::Range,
     path::{Path, PathBuf},
     sync::{
         Mutex,
@@ -122,6 +123,9 @@ pub struct Outcome {
     /// What is worth a line.
     pub notes: Vec<String>,
 }
+
+/// Points of an input that are decoded by themselves.
+const PART_POINTS: u64 = 1_000_000;
 
 /// Seconds for a million points to be decoded and spilled, and for a million
 /// seeds to be moved once, on one core: rough, for the estimate of a plan.
@@ -334,18 +338,25 @@ impl Job {
             return Ok(counts);
         }
         progress.begin("scatter", survey.points_claimed(), 0, Unit::Points);
-        let counted: Vec<Mutex<PointCounts>> =
-            survey.inputs.iter().map(|_| Mutex::default()).collect();
         // Biggest first: the last file to be decoded is a short one.
         let mut order: Vec<usize> = (0..survey.inputs.len()).collect();
         order.sort_by_key(|&i| std::cmp::Reverse(survey.inputs[i].bytes));
-        let sources = order
+        let parts: Vec<(usize, Range<u64>)> = order
+            .into_iter()
+            .flat_map(|i| {
+                let parts = survey.inputs[i].parts(PART_POINTS);
+                parts.into_iter().map(move |part| (i, part))
+            })
+            .collect();
+        let counted: Vec<Mutex<PointCounts>> = parts.iter().map(|_| Mutex::default()).collect();
+        let sources = parts
             .iter()
-            .map(|&i| {
-                let counts = &counted[i];
+            .zip(&counted)
+            .map(|((input, part), counts)| {
                 Box::new(move || {
+                    let input = &survey.inputs[*input];
                     let stream =
-                        PointStream::open(&survey.inputs[i], &survey.record, survey.lattice)?;
+                        PointStream::open(input, part.clone(), &survey.record, survey.lattice)?;
                     Ok(Box::new(Decoding { stream, counts }) as Box<dyn Source>)
                 }) as Opener<'_>
             })
@@ -373,21 +384,21 @@ impl Job {
             other => JobError::Tile(other),
         })?;
         progress.end();
+        let mut by_input = vec![PointCounts::default(); survey.inputs.len()];
+        for (&(input, _), counts) in parts.iter().zip(counted) {
+            let counts = counts.into_inner();
+            by_input[input].add(&counts.unwrap_or_else(std::sync::PoisonError::into_inner));
+        }
         let counts: Vec<InputCount> = survey
             .inputs
             .iter()
-            .zip(counted)
-            .map(|(input, counts)| {
-                let counts = counts
-                    .into_inner()
-                    .unwrap_or_else(std::sync::PoisonError::into_inner);
-                InputCount {
-                    path: input.path.display().to_string(),
-                    claimed: input.points_claimed,
-                    read: counts.read,
-                    rejected: counts.rejected,
-                    outside: counts.outside,
-                }
+            .zip(by_input)
+            .map(|(input, counts)| InputCount {
+                path: input.path.display().to_string(),
+                claimed: input.points_claimed,
+                read: counts.read,
+                rejected: counts.rejected,
+                outside: counts.outside,
             })
             .collect();
         // Conservation: what was read is what was spilled, or rejected.
@@ -790,7 +801,7 @@ fn clear(dir: &Path) {
     drop(fs::remove_dir(dir));
 }
 
-/// A file that is being decoded, and its counts.
+/// A part of a file that is being decoded, and its counts.
 struct Decoding<'a> {
     stream: PointStream,
     counts: &'a Mutex<PointCounts>,

@@ -135,7 +135,7 @@ impl File {
             Self::Las(input) => {
                 let record = RecordFormat::for_inputs(std::slice::from_ref(&**input))?;
                 Box::new(LasPoints {
-                    stream: PointStream::open(input, &record, lattice)?,
+                    stream: PointStream::open(input, 0..input.points_claimed, &record, lattice)?,
                     length: record.record_length(),
                     mark,
                 })
