@@ -11,6 +11,8 @@
 
 use std::ops::ControlFlow;
 
+use rayon::prelude::*;
+
 use super::{Local, OccupiedCells, cell_of};
 
 /// Points by the cell of a cubic lattice.
@@ -32,11 +34,11 @@ impl NeighborGrid {
     /// Unless `edge` is positive; and as [`OccupiedCells::sort`].
     pub fn new(points: &[Local], edge: f64) -> Self {
         assert!(edge > 0.0, "an edge of {edge}");
-        let (cells, order) = OccupiedCells::sort(points.iter().map(|&p| cell_of(p, edge)));
+        let (cells, order) = OccupiedCells::sort(points, |&p| cell_of(p, edge));
         Self {
             edge,
             cells,
-            points: order.iter().map(|&i| points[i as usize]).collect(),
+            points: order.par_iter().map(|&i| points[i as usize]).collect(),
             order,
         }
     }

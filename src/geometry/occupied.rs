@@ -65,25 +65,34 @@ const CELL_MASK: i32 = (1 << BRICK_SHIFT) - 1;
 const EMPTY: u32 = u32::MAX;
 
 impl OccupiedCells {
-    /// Sorts points by cell: the result's second part gives, in sorted order,
-    /// the place of each point in the input. Within a cell the order of the
-    /// input stays.
+    /// Sorts `points` by the cell that `cell_of` says: the result's second part gives,
+    /// in sorted order, the place of each point in the input. Within a cell the order
+    /// of the input stays.
     ///
     /// # Panics
     ///
     /// Unless there are fewer than 2³² points, in a box of fewer than 2⁵⁸
     /// bricks (a tile's are).
-    pub fn sort(
-        cells_of_points: impl ExactSizeIterator<Item = CellIndex> + Clone,
+    pub fn sort<P: Sync>(
+        points: &[P],
+        cell_of: impl Fn(&P) -> CellIndex + Sync,
     ) -> (Self, Vec<u32>) {
-        let count = u32::try_from(cells_of_points.len()).expect("a tile has under 2^32 points");
-        let (mut base, mut top) = ([i32::MAX; 3], [i32::MIN; 3]);
-        for index in cells_of_points.clone() {
-            for axis in 0..3 {
-                base[axis] = base[axis].min(index[axis] >> BRICK_SHIFT);
-                top[axis] = top[axis].max(index[axis] >> BRICK_SHIFT);
-            }
-        }
+        let count = u32::try_from(points.len()).expect("a tile has under 2^32 points");
+        let nothing = || ([i32::MAX; 3], [i32::MIN; 3]);
+        let wider = |(low, high): (CellIndex, CellIndex), (other_low, other_high)| {
+            let pairs = |f: fn(i32, i32) -> i32, a: CellIndex, b: CellIndex| {
+                [0, 1, 2].map(|axis| f(a[axis], b[axis]))
+            };
+            (
+                pairs(i32::min, low, other_low),
+                pairs(i32::max, high, other_high),
+            )
+        };
+        let brick_of = |point: &P| cell_of(point).map(|c| c >> BRICK_SHIFT);
+        let (base, top) = points
+            .par_iter()
+            .map(|point| (brick_of(point), brick_of(point)))
+            .reduce(nothing, wider);
         let bits = [0, 1, 2].map(|axis| {
             let last = i64::from(top[axis]) - i64::from(base[axis]);
             (last.max(0) as u64 + 1)
@@ -92,7 +101,8 @@ impl OccupiedCells {
         });
         let key_bits = bits.iter().sum::<u32>() + CELL_BITS;
         assert!(key_bits <= u64::BITS, "a tile of 2^{key_bits} cells");
-        let keyed = cells_of_points.zip(0..count).map(|(index, place)| {
+        let keyed = points.par_iter().zip(0..count).map(|(point, place)| {
+            let index = cell_of(point);
             let brick = index.map(|c| c >> BRICK_SHIFT);
             let brick = brick_key(brick, base, bits).expect("between the first and the last");
             (brick << CELL_BITS | u64::from(bit_of(index)), place)
@@ -115,7 +125,7 @@ impl OccupiedCells {
             words.par_sort_unstable();
             occupied.group(words.iter().map(|word| word >> place_bits));
             let mask = (1 << place_bits) - 1;
-            words.iter().map(|word| (word & mask) as u32).collect()
+            words.par_iter().map(|word| (word & mask) as u32).collect()
         } else {
             let mut pairs: Vec<(u64, u32)> = keyed.collect();
             pairs.par_sort_unstable();
@@ -133,10 +143,10 @@ impl OccupiedCells {
     /// As [`sort`](Self::sort).
     pub fn sort_points(
         points: &[Stored],
-        cell_of: impl Fn(Stored) -> CellIndex + Clone + Sync,
+        cell_of: impl Fn(Stored) -> CellIndex + Sync,
     ) -> (Self, Vec<Stored>) {
-        let (occupied, order) = Self::sort(points.iter().map(|&point| cell_of(point)));
-        let mut sorted: Vec<Stored> = order.iter().map(|&i| points[i as usize]).collect();
+        let (occupied, order) = Self::sort(points, |&point| cell_of(point));
+        let mut sorted: Vec<Stored> = order.par_iter().map(|&i| points[i as usize]).collect();
         drop(order);
         sorted
             .par_chunk_by_mut(|&a, &b| cell_of(a) == cell_of(b))
@@ -332,7 +342,7 @@ mod tests {
         let cells: Vec<CellIndex> = (0..900)
             .map(|i| [0, 1, 2].map(|axis| (spread(3 * i + axis) % 23) as i32 - 11))
             .collect();
-        let (occupied, order) = OccupiedCells::sort(cells.iter().copied());
+        let (occupied, order) = OccupiedCells::sort(&cells, |&cell| cell);
         for k in 0..200 {
             let corner = |salt: u64| {
                 [0, 1, 2].map(|axis| (spread(1000 * salt + 3 * k + axis) % 29) as i32 - 14)

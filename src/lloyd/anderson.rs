@@ -180,10 +180,11 @@ impl Blocks {
                 .collect()
         });
         let block = |site: usize| places.as_ref().map_or([0; 3], |p| cell_of(p[site], 1.0));
-        let (cells, order) = OccupiedCells::sort((0..identities.len()).map(block));
+        let blocks: Vec<CellIndex> = (0..identities.len()).map(block).collect();
+        let (cells, order) = OccupiedCells::sort(&blocks, |&block| block);
         let indices = cells
             .ranges()
-            .map(|range| block(order[range.start] as usize))
+            .map(|range| blocks[order[range.start] as usize])
             .collect();
         Self {
             cells,

@@ -68,13 +68,18 @@ pub(super) fn filling(scan: &Scan, options: &Options) -> Vec<Stored> {
 /// Means of the samples in cells of `edge` (CRS units).
 fn landmarks(scan: &Scan, edge: f64) -> Vec<Local> {
     let samples = scan.samples().points();
-    let (cells, order) = OccupiedCells::sort(samples.iter().map(|&p| cell_of(p, edge)));
+    let (cells, order) = OccupiedCells::sort(samples, |&p| cell_of(p, edge));
     let mean = |range: Range<usize>| {
         let count = range.len() as f64;
         let held = order[range].iter().map(|&place| samples[place as usize]);
         held.sum::<Local>() / count
     };
-    cells.ranges().map(mean).collect()
+    cells
+        .ranges()
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .map(mean)
+        .collect()
 }
 
 /// The filling that is nearer to `mark` than to any other landmark. `near` is

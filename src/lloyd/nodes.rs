@@ -87,7 +87,7 @@ impl Nodes {
     pub(super) fn new(scan: &Scan, options: &Options) -> Self {
         let edge = CELL * options.spacing;
         let samples = scan.samples().points();
-        let (cells, order) = OccupiedCells::sort(samples.iter().map(|&p| cell_of(p, edge)));
+        let (cells, order) = OccupiedCells::sort(samples, |&p| cell_of(p, edge));
         let ranges: Vec<_> = cells.ranges().collect();
         let mean = |range: &Range<usize>| {
             let held = order[range.clone()]
@@ -261,7 +261,7 @@ fn by_block<T: Send>(
     work: impl Fn(&mut Samples, usize) -> Option<T> + Sync,
 ) -> Vec<T> {
     let edge = BLOCK * options.spacing;
-    let (blocks, order) = OccupiedCells::sort(places.iter().map(|&place| cell_of(place, edge)));
+    let (blocks, order) = OccupiedCells::sort(places, |&place| cell_of(place, edge));
     let blocks: Vec<_> = blocks.ranges().collect();
     blocks
         .into_par_iter()

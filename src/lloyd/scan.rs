@@ -12,6 +12,8 @@
 
 use std::ops::{ControlFlow, Range};
 
+use rayon::prelude::*;
+
 use super::{Options, filling::filling, smoothing::smoothed};
 use crate::geometry::{Lattice, Local, NeighborGrid, OccupiedCells, Stored, cell_of, spread};
 
@@ -84,9 +86,8 @@ impl Scan {
         let (voxels, points) =
             OccupiedCells::sort_points(&points, |p| cell_of(lattice.local(p), voxel));
 
-        let mut counts = Vec::with_capacity(voxels.len());
-        let mut means = Vec::with_capacity(voxels.len());
-        for range in voxels.ranges() {
+        let ranges: Vec<Range<usize>> = voxels.ranges().collect();
+        let mean = |range: Range<usize>| {
             let held = &points[range];
             let mut sum = [0_i64; 3];
             for p in held {
@@ -95,9 +96,10 @@ impl Scan {
                 sum[2] += i64::from(p.z);
             }
             let weight = lattice.scale / held.len() as f64;
-            means.push(Local::from(sum.map(|s| s as f64 * weight)));
-            counts.push(u32::try_from(held.len()).expect("a tile has under 2^32 points"));
-        }
+            let count = u32::try_from(held.len()).expect("a tile has under 2^32 points");
+            (Local::from(sum.map(|s| s as f64 * weight)), count)
+        };
+        let (means, counts): (Vec<Local>, Vec<u32>) = ranges.into_par_iter().map(mean).unzip();
         Self {
             lattice,
             seed,
@@ -105,7 +107,7 @@ impl Scan {
             points,
             voxels,
             filling: Vec::new(),
-            filled: OccupiedCells::sort(std::iter::empty()).0,
+            filled: OccupiedCells::sort(&[], |&cell| cell).0,
             samples: NeighborGrid::new(&means, SAMPLE_CELL * fit_radius),
             counts,
         }
@@ -116,7 +118,7 @@ impl Scan {
         let voxel_of = |place: Stored| cell_of(self.lattice.local(place), self.voxel);
         filling.sort_unstable_by_key(|&place| (voxel_of(place), place));
         filling.dedup_by_key(|place| voxel_of(*place));
-        let (filled, order) = OccupiedCells::sort(filling.iter().map(|&place| voxel_of(place)));
+        let (filled, order) = OccupiedCells::sort(&filling, |&place| voxel_of(place));
         let mut means = vec![Local::zeros(); self.counts.len()];
         self.samples
             .visit_all(|sample, place| means[sample as usize] = place);
@@ -269,10 +271,11 @@ impl Scan {
 
     /// For every occupied voxel its point of highest priority, a hash of its
     /// coordinates and the seed: an even, unbiased choice of places of the scan.
-    pub fn representatives(&self) -> impl Iterator<Item = Stored> + '_ {
+    pub fn representatives(&self) -> Vec<Stored> {
         let rank = |point: &Stored| (priority(*point, self.seed), *point);
-        let first = move |voxel: Range<usize>| self.points[voxel].iter().copied().min_by_key(rank);
-        self.voxels.ranges().filter_map(first)
+        let first = |voxel: Range<usize>| self.points[voxel].iter().copied().min_by_key(rank);
+        let voxels: Vec<Range<usize>> = self.voxels.ranges().collect();
+        voxels.into_par_iter().filter_map(first).collect()
     }
 }
 
@@ -378,6 +381,6 @@ mod tests {
     fn a_million_equal_points_are_one_sample() {
         let scan = scan(vec![Stored { x: 5, y: 6, z: 7 }; 1_000_000]);
         assert_eq!(scan.samples().points().len(), 1);
-        assert_eq!(scan.representatives().count(), 1);
+        assert_eq!(scan.representatives().len(), 1);
     }
 }

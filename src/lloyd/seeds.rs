@@ -105,8 +105,9 @@ fn elected(scan: &Scan, options: &Options) -> Vec<Stored> {
     // One point to a voxel says where a surface is. Elsewhere every point counts:
     // what no seed covers there is not covered later.
     let is_on_surface = |point: &Stored| nodes.have(scan.lattice().local(*point));
-    let surfaces = scan.representatives().filter(is_on_surface);
-    election.elect_in_order(equal(surfaces));
+    let mut surfaces = scan.representatives();
+    surfaces.retain(is_on_surface);
+    election.elect_in_order(equal(surfaces.into_iter()));
     let points = scan.points().par_iter().copied();
     let loose: Vec<Stored> = points.filter(|point| !is_on_surface(point)).collect();
     election.elect_loose(&loose);

@@ -320,7 +320,7 @@ impl<'a> Sites<'a> {
         positions: &[Local],
     ) -> Self {
         let edge = BLOCK * options.spacing;
-        let (blocks, order) = OccupiedCells::sort(positions.iter().map(|&p| cell_of(p, edge)));
+        let (blocks, order) = OccupiedCells::sort(positions, |&p| cell_of(p, edge));
         let places: Vec<Local> = order.iter().map(|&i| positions[i as usize]).collect();
         Self {
             scan,

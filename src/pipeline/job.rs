@@ -142,17 +142,16 @@ impl Job {
     pub fn run(&self, progress: &dyn Progress, cancel: &AtomicBool) -> Result<Outcome, JobError> {
         let format = self.check_output()?;
         let pool = self.pool()?;
-        pool.install(|| {
-            let mut clock = Clock::new();
-            let mut running = self.prepare(progress, cancel, &mut clock)?;
-            let tiles = self.solve(&mut running, progress, cancel)?;
-            clock.stop("solve");
-            let outcome = self.finish(&running, tiles, format, progress, cancel, clock)?;
-            if !self.keep {
-                running.close();
-            }
-            Ok(outcome)
-        })
+        let mut clock = Clock::new();
+        let running = pool.install(|| self.prepare(progress, cancel, &mut clock))?;
+        let tiles = self.solve(&running, &pool, progress, cancel)?;
+        clock.stop("solve");
+        let outcome =
+            pool.install(|| self.finish(&running, tiles, format, progress, cancel, clock))?;
+        if !self.keep {
+            running.close();
+        }
+        Ok(outcome)
     }
 
     /// Does all that comes before the first tile is solved, and says what would
@@ -567,7 +566,8 @@ impl Job {
     /// before it is solved.
     fn solve(
         &self,
-        running: &mut Running,
+        running: &Running,
+        pool: &rayon::ThreadPool,
         progress: &dyn Progress,
         cancel: &AtomicBool,
     ) -> Result<Vec<TileFigures>, JobError> {
@@ -577,17 +577,18 @@ impl Job {
             .partition(|tile| self.figures_of(tile.id).is_some());
         progress.begin("solve", tiles.len() as u64, done.len() as u64, Unit::Tiles);
         let (sender, receiver) = channel::bounded(0);
-        let running_ref = &*running;
         std::thread::scope(|scope| {
             scope.spawn(move || {
                 for tile in missing {
-                    let loaded = load(
-                        &running_ref.spill,
-                        &running_ref.plan.plan,
-                        *tile,
-                        running_ref.survey.lattice,
-                        &running_ref.options,
-                    );
+                    let loaded = pool.install(|| {
+                        load(
+                            &running.spill,
+                            &running.plan.plan,
+                            *tile,
+                            running.survey.lattice,
+                            &running.options,
+                        )
+                    });
                     if cancel.load(Ordering::Relaxed) || sender.send(loaded).is_err() {
                         return;
                     }
@@ -598,7 +599,7 @@ impl Job {
                 let loaded = loaded?;
                 let id = loaded.tile.id;
                 let (solved, mut figures) =
-                    solve_tile(&running_ref.spill, loaded, &running_ref.options)?;
+                    pool.install(|| solve_tile(&running.spill, loaded, &running.options))?;
                 figures.seconds = start.elapsed().as_secs_f64();
                 let text = serde_json::to_string(&figures).expect("figures are plain numbers");
                 write_whole(&figures_path(&self.dir, id), text.as_bytes())?;

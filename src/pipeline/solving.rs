@@ -1,7 +1,7 @@
 //! One tile, alone: from the spill to a solved tile and its figures.
 
 use std::{
-    collections::{BTreeMap, HashMap},
+    collections::{HashMap, HashSet},
     path::{Path, PathBuf},
 };
 
@@ -76,9 +76,8 @@ pub(super) fn load(
     options: &Options,
 ) -> Result<Loaded, JobError> {
     let known = tile.core.grown(plan.halo);
-    let mut points: Vec<Stored> =
-        Vec::with_capacity(usize::try_from(tile.points_seen).unwrap_or(0));
-    spill.gather(&known, |record| points.push(Stored::of_record(record)))?;
+    let add = |points: &mut Vec<Stored>, record: &[u8]| points.push(Stored::of_record(record));
+    let points = spill.gather_each(&known, add)?.concat();
     let scanned =
         (options.smooth > 0.0).then(|| Scan::as_scanned(points.clone(), lattice, options));
     let scan = Scan::new(points, lattice, options);
@@ -183,7 +182,7 @@ fn coverage(scan: &Scan, sites: &[Site], core: &Rect, spacing: f64) -> DistanceT
     let positions: Vec<Local> = sites.iter().map(|site| site.position).collect();
     let grid = NeighborGrid::new(&positions, spacing);
     let mut tally = DistanceTally::new(spacing);
-    let points: Vec<Stored> = scan.representatives().collect();
+    let points = scan.representatives();
     let to_site = |&point: &Stored| {
         let place = scan.lattice().local(point);
         let nearest = grid.nearest(place, FARTHEST * spacing, |_| false);
@@ -218,32 +217,38 @@ fn nearest_records(
             .unwrap_or((site.identity, FARTHEST * spacing))
     };
     let found: Vec<(Stored, f64)> = sites.par_iter().map(nearest_of).collect();
-    let mut wanted: HashMap<Stored, Vec<usize>> = HashMap::new();
-    for (number, (nearest, distance)) in found.into_iter().enumerate() {
+    let mut wanted: HashSet<Stored> = HashSet::with_capacity(found.len());
+    for &(nearest, distance) in &found {
         figures.accuracy.push(distance);
-        wanted.entry(nearest).or_default().push(number);
+        wanted.insert(nearest);
     }
-    let mut smallest: BTreeMap<Stored, Vec<u8>> = BTreeMap::new();
-    spill.gather(known, |record| {
+    let parts = spill.gather_each(known, |of_point: &mut HashMap<Stored, Vec<u8>>, record| {
         let point = Stored::of_record(record);
-        if wanted.contains_key(&point) {
-            smallest
-                .entry(point)
-                .and_modify(|known| {
-                    if record < known.as_slice() {
-                        known.copy_from_slice(record);
-                    }
-                })
-                .or_insert_with(|| record.to_vec());
+        if wanted.contains(&point) {
+            keep_smallest(of_point, point, record);
         }
     })?;
+    let mut of_point = HashMap::with_capacity(found.len());
+    for (point, record) in parts.into_iter().flatten() {
+        keep_smallest(&mut of_point, point, &record);
+    }
     let mut records = vec![0; sites.len() * length];
-    for (point, numbers) in wanted {
-        if let Some(record) = smallest.get(&point) {
-            for number in numbers {
-                records[number * length..(number + 1) * length].copy_from_slice(record);
-            }
+    for (place, (nearest, _)) in records.chunks_exact_mut(length).zip(found) {
+        if let Some(record) = of_point.get(&nearest) {
+            place.copy_from_slice(record);
         }
     }
     Ok(records)
+}
+
+/// Of the records of one point the smallest is kept.
+fn keep_smallest(of_point: &mut HashMap<Stored, Vec<u8>>, point: Stored, record: &[u8]) {
+    of_point
+        .entry(point)
+        .and_modify(|known| {
+            if record < known.as_slice() {
+                known.copy_from_slice(record);
+            }
+        })
+        .or_insert_with(|| record.to_vec());
 }

@@ -168,7 +168,7 @@ impl<'a> Sample<'a> {
         let voxels = at_once(&tiles, |tile| {
             let points = gather(spill, &tile.core)?;
             let voxel = |&point: &Stored| cell_of(lattice.local(point), options.spacing);
-            Ok(OccupiedCells::sort(points.iter().map(voxel)).0.len() as u64)
+            Ok(OccupiedCells::sort(&points, voxel).0.len() as u64)
         })?;
         let points: u64 = tiles.iter().map(|tile| tile.points_core).sum();
         Ok(Self {

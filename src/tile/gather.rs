@@ -3,10 +3,12 @@
 
 use std::fs::File;
 
+use rayon::prelude::*;
+
 use super::{Spill, TileError, map::window, spill::Chunk};
 use crate::geometry::{Rect, Stored};
 
-/// Largest window mapped at once.
+/// Bytes mapped at once.
 const WINDOW_BYTES: u64 = 8 << 20;
 
 impl Spill {
@@ -17,26 +19,55 @@ impl Spill {
     ///
     /// [`TileError::Io`] if the spill cannot be read.
     pub fn gather(&self, rect: &Rect, mut visit: impl FnMut(&[u8])) -> Result<(), TileError> {
-        let io = |source| TileError::io("read", &self.path, source);
-        let file = File::open(&self.path).map_err(io)?;
-        let chunks = self.chunks(rect);
-        let mut rest = chunks.as_slice();
-        while let Some(first) = rest.first() {
-            // Chunks that lie close together share a window.
-            let count = rest
-                .iter()
-                .take_while(|chunk| chunk.offset + chunk.bytes <= first.offset + WINDOW_BYTES)
-                .count()
-                .max(1);
-            let (near, far) = rest.split_at(count);
-            rest = far;
-            let end = near.last().map_or(0, |chunk| chunk.offset + chunk.bytes);
-            // A window is a chunk or 8 MiB.
-            let length = (end - first.offset) as usize;
-            let map = window(&file, first.offset, length).map_err(io)?;
-            for chunk in near {
-                self.visit_chunk(chunk, first.offset, &map, rect, &mut visit);
-            }
+        let file = self.open_records()?;
+        for chunks in &windows(&self.chunks(rect), WINDOW_BYTES) {
+            self.visit_window(&file, chunks, rect, &mut visit)?;
+        }
+        Ok(())
+    }
+
+    /// The same in parallel: `visit` adds a record to what it has of the window that
+    /// the record lies in. Results come in the order of the windows.
+    ///
+    /// # Errors
+    ///
+    /// As [`gather`](Self::gather).
+    pub fn gather_each<T: Default + Send>(
+        &self,
+        rect: &Rect,
+        visit: impl Fn(&mut T, &[u8]) + Sync,
+    ) -> Result<Vec<T>, TileError> {
+        let file = self.open_records()?;
+        // Together the windows are as large as one alone.
+        let most = WINDOW_BYTES / rayon::current_num_threads() as u64;
+        windows(&self.chunks(rect), most)
+            .par_iter()
+            .map(|chunks| {
+                let mut found = T::default();
+                self.visit_window(&file, chunks, rect, &mut |record| visit(&mut found, record))?;
+                Ok(found)
+            })
+            .collect()
+    }
+
+    fn open_records(&self) -> Result<File, TileError> {
+        File::open(&self.path).map_err(|source| TileError::io("read", &self.path, source))
+    }
+
+    fn visit_window(
+        &self,
+        file: &File,
+        chunks: &[Chunk],
+        rect: &Rect,
+        visit: &mut impl FnMut(&[u8]),
+    ) -> Result<(), TileError> {
+        let start = chunks.first().map_or(0, |chunk| chunk.offset);
+        let end = chunks.last().map_or(0, |chunk| chunk.offset + chunk.bytes);
+        // A window is a chunk or a few MiB.
+        let map = window(file, start, (end - start) as usize)
+            .map_err(|source| TileError::io("read", &self.path, source))?;
+        for chunk in chunks {
+            self.visit_chunk(chunk, start, &map, rect, visit);
         }
         Ok(())
     }
@@ -59,6 +90,21 @@ impl Spill {
             }
         }
     }
+}
+
+/// Chunks that lie close together share a window of at most so many bytes; `chunks`
+/// are in the order of the file.
+fn windows(chunks: &[Chunk], most: u64) -> Vec<&[Chunk]> {
+    let mut windows = Vec::new();
+    let mut rest = chunks;
+    while let Some(first) = rest.first() {
+        let fits = |chunk: &&Chunk| chunk.offset + chunk.bytes <= first.offset + most;
+        let count = rest.iter().take_while(fits).count().max(1);
+        let (near, far) = rest.split_at(count);
+        windows.push(near);
+        rest = far;
+    }
+    windows
 }
 
 #[cfg(test)]
