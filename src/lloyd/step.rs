@@ -364,12 +364,8 @@ impl Around<'_> {
     fn open_cell(&mut self, fit: &mut Fit, scan: &Scan, options: &Options) {
         self.look_far();
         sort(&mut self.scratch.neighbors);
-        let keeps_to_scan = options.restriction == Restriction::Local;
-        // A cell that ended where the scan does will again.
-        if !(self.was_open && keeps_to_scan) {
-            self.clip(fit, &self.domain());
-        }
-        if keeps_to_scan && (self.was_open || !self.scratch.cell.is_closed()) {
+        self.clip(fit, &self.domain());
+        if !self.scratch.cell.is_closed() && options.restriction == Restriction::Local {
             let samples = &mut self.scratch.samples.within;
             let scanned = fit.scanned(self.place, scan, options, samples);
             self.clip(fit, &scanned);
