@@ -49,7 +49,9 @@ def point_cloud_utils(folder, output, count):
     import point_cloud_utils
 
     points = read(folder)
-    kept = point_cloud_utils.downsample_point_cloud_poisson_disk(points, num_samples=count)
+    kept = point_cloud_utils.downsample_point_cloud_poisson_disk(
+        points, 0.0, target_num_samples=count, random_seed=1
+    )
     write(points[kept], output)
 
 
