@@ -4,7 +4,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use lloydar::{
-    geometry::{Lattice, Local, Patch, PatchKind, Stored},
+    geometry::{Cell, DOMAIN_SIDES, Lattice, Local, Neighbor, Patch, PatchKind, Stored},
     lloyd::{Domain, Options, Scan, solve},
 };
 
@@ -57,6 +57,56 @@ fn benches(criterion: &mut Criterion) {
     criterion.bench_function("fit of a patch to 50 samples", |b| {
         b.iter(|| black_box(Patch::fit(near[0], &near, 0.03, PatchKind::Quadratic)));
     });
+    cells(criterion);
+}
+
+/// One cell on a bent patch: from its domain, from a square, and where it was.
+fn cells(criterion: &mut Criterion) {
+    let steps = || (-6..=6).map(f64::from);
+    let bent = |x: f64, y: f64| Local::new(x, y, 0.05 * (x * x - 0.5 * y * y));
+    let samples: Vec<Local> = steps()
+        .flat_map(|i| steps().map(move |j| bent(0.2 * i, 0.2 * j)))
+        .collect();
+    let patch = Patch::fit(Local::zeros(), &samples, 1.2, PatchKind::Quadratic)
+        .expect("the samples are no line");
+    let site = patch.foot_point(Local::zeros());
+    let mut neighbors: Vec<Neighbor> = (0..)
+        .zip(steps().flat_map(|i| steps().map(move |j| (i, j))))
+        .filter(|&(_, (i, j))| (i, j) != (0.0, 0.0))
+        .map(|(index, (i, j))| {
+            let position = patch.foot_point(bent(i + 0.5 * j + 0.03 * (i * j).sin(), 0.866 * j));
+            Neighbor {
+                distance_squared: (position - site).norm_squared(),
+                index,
+                position,
+            }
+        })
+        .filter(|neighbor| neighbor.distance_squared < 1.6 * 1.6)
+        .collect();
+    neighbors.sort_by(|a, b| a.distance_squared.total_cmp(&b.distance_squared));
+
+    let mut group = criterion.benchmark_group("cell");
+    let mut cell = Cell::new();
+    group.bench_function("clipped from its domain", |b| {
+        b.iter(|| cell.clip(&patch, site, &[1.0; DOMAIN_SIDES], black_box(&neighbors)));
+    });
+    let links: Vec<u32> = cell.neighbors().collect();
+    let is_linked = |link: &u32| neighbors.iter().find(|n| n.index == *link).copied();
+    let ring: Vec<Neighbor> = links.iter().filter_map(is_linked).collect();
+    group.bench_function("clipped from a square", |b| {
+        b.iter(|| cell.clip_within(&patch, site, 0.8, black_box(&neighbors)));
+    });
+    let mut scratch = Vec::new();
+    group.bench_function("closed where it was", |b| {
+        b.iter(|| {
+            scratch.clone_from(&ring);
+            assert!(cell.close(&patch, site, 0.8, &mut scratch, black_box(&neighbors)));
+        });
+    });
+    group.bench_function("moments", |b| {
+        b.iter(|| black_box(cell.moments(&patch, site)))
+    });
+    group.finish();
 }
 
 criterion_group!(solver, benches);

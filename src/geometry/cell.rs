@@ -22,7 +22,11 @@
 //! flat; a cell is small beside the surface's radius of curvature or the patch
 //! would not describe it.
 
-use super::{Local, Patch, patch::Heights};
+use super::{
+    Local, Neighbor, Patch,
+    bisector::{Bisector, lift, meeting},
+    patch::Heights,
+};
 
 /// Sides of the domain before anything is cut off.
 pub const DOMAIN_SIDES: usize = 12;
@@ -38,85 +42,12 @@ const RIM: u32 = u32::MAX;
 
 /// Edges of a cell that can be closed at once.
 const MOST_EDGES: usize = 10;
-/// A corner is where its bisectors meet to this share of a squared radius, after at
-/// most so many steps.
-const EXACT: f64 = 1e-12;
-const MOST_CORRECTIONS: usize = 6;
-
 #[derive(Clone, Copy, Debug)]
 struct Corner {
     /// In the patch's frame, from the site.
     position: Local,
     /// Who cut the edge from this corner to the next.
     edge: u32,
-}
-
-/// The plane halfway to a neighbour.
-#[derive(Clone, Copy, Debug, Default)]
-struct Bisector {
-    /// To the neighbour, in the patch's frame.
-    direction: Local,
-    /// Half the squared distance.
-    half: f64,
-}
-
-impl Bisector {
-    fn new(patch: &Patch, site: Local, neighbor: &Neighbor) -> Self {
-        let towards = neighbor.position - site;
-        Self {
-            direction: Local::from(patch.axes.map(|axis| axis.dot(&towards))),
-            half: 0.5 * neighbor.distance_squared,
-        }
-    }
-
-    /// Positive beyond the plane, for a `place` in the patch's frame, from the site.
-    fn beyond(&self, place: Local) -> f64 {
-        place.dot(&self.direction) - self.half
-    }
-
-    /// How [`beyond`](Self::beyond) grows along `u` and `v` on a surface of such
-    /// slopes.
-    fn slopes_on(&self, [p, q]: [f64; 2]) -> [f64; 2] {
-        [
-            self.direction.x + p * self.direction.z,
-            self.direction.y + q * self.direction.z,
-        ]
-    }
-}
-
-/// Where two planes meet on the surface, by Newton's steps from the site's foot;
-/// `None` if that is not found to the `tolerance` (an area in CRS units squared).
-fn meeting(one: &Bisector, other: &Bisector, surface: &Heights, tolerance: f64) -> Option<Local> {
-    let mut place = lift(surface, 0.0, 0.0);
-    for _ in 0..MOST_CORRECTIONS {
-        let beyond = [one.beyond(place), other.beyond(place)];
-        if beyond[0].abs().max(beyond[1].abs()) <= tolerance {
-            return Some(place);
-        }
-        let slopes = surface.slopes(place.x, place.y);
-        let ([a, b], [c, d]) = (one.slopes_on(slopes), other.slopes_on(slopes));
-        let inverse = 1.0 / (a * d - b * c);
-        let u = (beyond[0] * d - beyond[1] * b) * inverse;
-        let v = (beyond[1] * a - beyond[0] * c) * inverse;
-        place = lift(surface, place.x - u, place.y - v);
-    }
-    None
-}
-
-/// The point of the surface over `(u, v)`.
-fn lift(surface: &Heights, u: f64, v: f64) -> Local {
-    Local::new(u, v, surface.at(u, v))
-}
-
-/// A neighbour of the site: its place in the caller's list, and where it is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Neighbor {
-    /// Squared distance from the site.
-    pub distance_squared: f64,
-    /// The caller's name for it.
-    pub index: u32,
-    /// Where it is.
-    pub position: Local,
 }
 
 /// The restricted Voronoi cell of a site: a polygon with corners on the patch.
@@ -277,8 +208,7 @@ impl Cell {
         self.count = count;
         for k in 0..count {
             let next = if k + 1 == count { 0 } else { k + 1 };
-            let tolerance = EXACT * radius * radius;
-            match meeting(&bisectors[k], &bisectors[next], surface, tolerance) {
+            match meeting(&bisectors[k], &bisectors[next], surface, radius) {
                 Some(position) if position.norm_squared() <= radius * radius => {
                     self.polygons[0][k] = Corner {
                         position,

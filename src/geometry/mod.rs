@@ -1,12 +1,14 @@
 //! Coordinates, neighbours, patches and cells: pure and deterministic.
 
+mod bisector;
 mod cell;
 mod coordinates;
 mod neighbors;
 mod occupied;
 mod patch;
 
-pub use cell::{Cell, DOMAIN_SIDES, Moments, Neighbor, Reach, domain_corners};
+pub use bisector::Neighbor;
+pub use cell::{Cell, DOMAIN_SIDES, Moments, Reach, domain_corners};
 pub use coordinates::{Lattice, Local, Rect, Stored};
 pub use neighbors::NeighborGrid;
 pub use occupied::{CellIndex, OccupiedCells, cell_of};

@@ -30,8 +30,8 @@ const ROUGH: (f64, f64) = (12.0, 0.04);
 /// … and then. Measured on five scans of mobile, terrestrial and airborne scanners:
 /// the count is met to 0.9 % (root mean square), 2 % at worst.
 const FINE: (f64, f64) = (60.0, 0.2);
-/// What a part sees around it, in spacings: for a count, not for seeds that others
-/// agree with.
+/// What a part sees around it, in spacings of the first guess: for a count, not for
+/// seeds that others agree with.
 const HALO: f64 = 3.0;
 /// Rough tries.
 const ROUGH_TRIES: u32 = 3;
