@@ -104,7 +104,7 @@ fn cells(criterion: &mut Criterion) {
         });
     });
     group.bench_function("moments", |b| {
-        b.iter(|| black_box(cell.moments(&patch, site)))
+        b.iter(|| black_box(cell.moments(&patch, site)));
     });
     group.finish();
 }
