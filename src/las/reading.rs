@@ -24,6 +24,8 @@ use crate::geometry::Lattice;
 
 /// Points decoded at a time.
 const BATCH: u64 = 65_536;
+/// Parts of a file at the most.
+const MOST_PARTS: u64 = 4096;
 /// Length of a public header block of LAS 1.0 to 1.2; later ones are longer.
 const SHORTEST_HEADER: u64 = 227;
 /// Length of the header of a variable length record, and of an extended one.
@@ -167,11 +169,10 @@ impl InputFile {
         let records = reader.header().laz_vlr().ok()?;
         let stride = u64::from(records.chunk_size());
         // The chunk table may be missing, or damaged.
-        let mut is_found = || catch_unwind(AssertUnwindSafe(|| reader.seek(stride)));
         (stride > 0
             && stride < self.points_claimed
             && !records.uses_variable_size_chunks()
-            && matches!(is_found(), Ok(Ok(()))))
+            && finds(reader, stride))
         .then_some(stride)
     }
 
@@ -179,13 +180,15 @@ impl InputFile {
     /// `points`.
     pub fn parts(&self, points: u64) -> Vec<Range<u64>> {
         let all = self.points_claimed;
+        // The claim may be a lie: it must not say how much is allocated.
+        let points = points.max(all.div_ceil(MOST_PARTS));
         let length = match self.stride {
             Some(stride) => points.div_ceil(stride).saturating_mul(stride),
             None => all,
         };
         let starts = (0..all.max(1)).step_by(usize::try_from(length.max(1)).unwrap_or(usize::MAX));
         starts
-            .map(|start| start..(start + length).min(all))
+            .map(|start| start..start.saturating_add(length).min(all))
             .collect()
     }
 
@@ -466,17 +469,14 @@ impl PointStream {
         lattice: Lattice,
     ) -> Result<Self, LasError> {
         let mut reader = input.open()?;
-        if part.start > 0 {
-            let seek = catch_unwind(AssertUnwindSafe(|| reader.seek(part.start)));
-            if !matches!(seek, Ok(Ok(()))) {
-                return Err(LasError::new(
-                    &input.path,
-                    format!(
-                        "is damaged: point {} of {} is not found; repair it or leave it out",
-                        part.start, input.points_claimed
-                    ),
-                ));
-            }
+        if part.start > 0 && !finds(&mut reader, part.start) {
+            return Err(LasError::new(
+                &input.path,
+                format!(
+                    "is damaged: point {} of {} is not found; repair it or leave it out",
+                    part.start, input.points_claimed
+                ),
+            ));
         }
         Ok(Self {
             part,
@@ -539,6 +539,12 @@ impl PointStream {
             ),
         )
     }
+}
+
+/// Goes on reading at `point`; whether the reader finds it.
+fn finds(reader: &mut Reader, point: u64) -> bool {
+    let seek = catch_unwind(AssertUnwindSafe(|| reader.seek(point)));
+    matches!(seek, Ok(Ok(())))
 }
 
 /// The coordinates of a record, as stored.
