@@ -7,13 +7,15 @@ use std::{
     path::{Path, PathBuf},
     process::ExitCode,
     sync::atomic::{AtomicBool, Ordering},
+    time::Duration,
 };
 
 use clap::{Parser, Subcommand};
 use lloydar::{
-    config::{Bytes, Choices},
+    config::{Bytes, Choices, OnBadFile},
     pipeline::{
-        Job, JobError, JobPlan, Quiet, default_directory, measure, measure_against_surface,
+        InputCount, Job, JobError, JobPlan, Quiet, default_directory, measure,
+        measure_against_surface,
     },
     report::{Report, figure, thousands},
 };
@@ -38,6 +40,9 @@ enum Command {
         /// The cloud to write: .laz, .las or .ply
         #[arg(short, long, value_name = "FILE")]
         output: PathBuf,
+        /// Forget what an earlier run left in the job directory
+        #[arg(long)]
+        restart: bool,
     },
     /// Say what would be done: tiles, memory, disk, time
     Plan {
@@ -115,6 +120,7 @@ struct Scans {
 const FAILED: u8 = 1;
 const USAGE: u8 = 2;
 const LEFT_OUT: u8 = 3;
+const STOPPED: u8 = 130;
 
 /// Set by the first Ctrl-C or SIGTERM.
 static CANCEL: AtomicBool = AtomicBool::new(false);
@@ -129,7 +135,7 @@ pub(crate) fn main() -> ExitCode {
             ExitCode::from(if error.is_usage() {
                 USAGE
             } else if error.is_cancelled() {
-                130
+                STOPPED
             } else {
                 FAILED
             })
@@ -139,7 +145,11 @@ pub(crate) fn main() -> ExitCode {
 
 fn run(command: Command) -> Result<u8, JobError> {
     match command {
-        Command::Run { scans, output } => run_job(&scans, &output),
+        Command::Run {
+            scans,
+            output,
+            restart,
+        } => run_job(&scans, &output, restart),
         Command::Plan {
             scans,
             output,
@@ -175,11 +185,16 @@ fn job(scans: &Scans, output: &Path) -> Result<Job, JobError> {
         settings: choices.settings()?,
         overwrite: choices.overwrite,
         keep: choices.keep_job,
+        skip_bad_files: choices.on_bad_file == Some(OnBadFile::Skip),
+        restart: false,
     })
 }
 
-fn run_job(scans: &Scans, output: &Path) -> Result<u8, JobError> {
-    let job = job(scans, output)?;
+fn run_job(scans: &Scans, output: &Path, restart: bool) -> Result<u8, JobError> {
+    let job = Job {
+        restart,
+        ..job(scans, output)?
+    };
     let look = Look::choose(scans.quiet, scans.log == "json");
     run_and_report(&job, look)
 }
@@ -188,37 +203,63 @@ fn run_job(scans: &Scans, output: &Path) -> Result<u8, JobError> {
 fn run_and_report(job: &Job, look: Look) -> Result<u8, JobError> {
     stop_on_signals();
     let terminal = Terminal::new(look);
-    let outcome = job.run(&terminal, &CANCEL)?;
+    let mut summary = String::new();
+    let outcome = job.run(&terminal, &CANCEL, |outcome| {
+        let report = Report::new(outcome, &job.output.display().to_string(), settings(job));
+        summary = format!(
+            "{} points, {} apart: {}\n{}report    {}.report.html\n",
+            thousands(report.points),
+            figure(report.spacing),
+            report.output,
+            report.summary(),
+            report.output
+        );
+        write_report(job, &report)
+    })?;
+    let Some(outcome) = outcome else {
+        if look != Look::Nothing {
+            println!("{} is complete already", job.output.display());
+        }
+        return Ok(0);
+    };
+    if look != Look::Nothing {
+        print!("{summary}");
+    }
+    let is_whole = |input: &InputCount| input.rejected == 0 && input.left_out.is_none();
+    Ok(if outcome.inputs.iter().all(is_whole) {
+        0
+    } else {
+        LEFT_OUT
+    })
+}
+
+/// The job's settings by name.
+fn settings(job: &Job) -> Vec<(String, String)> {
     let settings = serde_json::to_value(&job.settings).unwrap_or_default();
-    let settings = settings
-        .as_object()
-        .into_iter()
-        .flatten()
+    let settings = settings.as_object().into_iter().flatten();
+    settings
         .map(|(name, value)| (name.clone(), value.to_string()))
-        .collect();
-    let report = Report::new(&outcome, &job.output.display().to_string(), settings);
+        .collect()
+}
+
+/// Writes the report beside the output, complete or not at all.
+fn write_report(job: &Job, report: &Report) -> Result<(), JobError> {
     for (ending, text) in [("json", report.to_json()), ("html", report.to_html())] {
-        let mut name = job.output.clone().into_os_string();
-        name.push(format!(".report.{ending}"));
-        let path = PathBuf::from(name);
-        std::fs::write(&path, text).map_err(|source| JobError::Io {
+        let beside = |ending: String| {
+            let mut name = job.output.clone().into_os_string();
+            name.push(ending);
+            PathBuf::from(name)
+        };
+        let path = beside(format!(".report.{ending}"));
+        let part = beside(format!(".report.{ending}.part"));
+        let written = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, &path));
+        written.map_err(|source| JobError::Io {
             action: "write",
             path: path.display().to_string(),
             source,
         })?;
     }
-    if look != Look::Nothing {
-        println!(
-            "{} points, {} apart: {}",
-            thousands(report.points),
-            figure(report.spacing),
-            report.output
-        );
-        print!("{}", report.summary());
-        println!("report    {}.report.html", report.output);
-    }
-    let rejected: u64 = outcome.inputs.iter().map(|input| input.rejected).sum();
-    Ok(if rejected > 0 { LEFT_OUT } else { 0 })
+    Ok(())
 }
 
 fn measure_cloud(
@@ -341,7 +382,10 @@ fn print_input(input: &lloydar::las::InputFile) {
 
 fn plan_job(scans: &Scans, output: &Path, json: bool) -> Result<u8, JobError> {
     let job = job(scans, output)?;
-    let plan = job.plan(&Quiet, &CANCEL)?;
+    let Some(plan) = job.plan(&Quiet, &CANCEL)? else {
+        println!("{} is complete already", output.display());
+        return Ok(0);
+    };
     if json {
         println!(
             "{}",
@@ -373,14 +417,22 @@ fn print_plan(plan: &JobPlan) {
     }
 }
 
-/// The first signal stops the job after the tile in hand; the second ends the
-/// program as usual.
+/// How long a job that is told to stop may take to stop by itself.
+const GRACE: Duration = Duration::from_millis(800);
+
+/// The first signal stops the job where it next looks up, or a little later where it
+/// stands: it can be killed at any time and goes on from there. The second ends the
+/// program at once.
 fn stop_on_signals() {
     let stop = || {
         if CANCEL.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
+            std::process::exit(STOPPED.into());
         }
         eprintln!("stopping; the same command will go on from here");
+        std::thread::spawn(|| {
+            std::thread::sleep(GRACE);
+            std::process::exit(STOPPED.into());
+        });
     };
     // Without a handler a signal ends the program, and the job is resumable
     // all the same.

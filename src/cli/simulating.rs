@@ -109,6 +109,8 @@ pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
         settings: choices.settings()?,
         overwrite: true,
         keep: false,
+        skip_bad_files: false,
+        restart: false,
     };
     super::run_and_report(&job, Look::choose(false, false))
 }
@@ -156,7 +158,9 @@ fn write_street(street: &Street, passes: u32, dir: &Path) -> Result<Vec<(PathBuf
                     writer.write(&records)?;
                 }
             }
-            let (points, _) = writer.finish()?;
+            let cloud = writer.complete()?;
+            let points = cloud.points();
+            cloud.deliver()?;
             Ok((path, points))
         })
         .collect()

@@ -79,10 +79,25 @@ pub struct Choices {
     /// Seed of the choice of points
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
+    /// What to do with inputs that cannot be read: stop, or skip them and say so in
+    /// the report [default: stop]
+    #[arg(long, value_name = "POLICY", value_parser = by_name::<OnBadFile>)]
+    pub on_bad_file: Option<OnBadFile>,
     /// Replace an existing output
     #[arg(long)]
     #[serde(skip_serializing_if = "is_false")]
     pub overwrite: bool,
+}
+
+/// What becomes of a job with an input that cannot be read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OnBadFile {
+    /// It fails, with the names of all such inputs.
+    #[default]
+    Stop,
+    /// It leaves the input out, and says so.
+    Skip,
 }
 
 fn is_false(flag: &bool) -> bool {
@@ -225,6 +240,7 @@ impl Choices {
             tile_size: self.tile_size.or(file.tile_size),
             halo: self.halo.or(file.halo),
             seed: self.seed.or(file.seed),
+            on_bad_file: self.on_bad_file.or(file.on_bad_file),
             overwrite: self.overwrite || file.overwrite,
         }
     }

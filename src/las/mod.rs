@@ -15,10 +15,10 @@ mod writing;
 pub use crs::Crs;
 pub use inputs::expand_inputs;
 pub use ply::{PlyFile, PlyStream};
-pub use reading::{InputFile, PointCounts, PointStream};
+pub use reading::{InputFile, PointStream};
 pub(crate) use record::move_to;
 pub use record::{ExtraByte, RecordFormat};
-pub use writing::{CloudHeader, CloudWriter, Format};
+pub use writing::{CloudHeader, CloudWriter, CompleteCloud, Format};
 
 use std::path::Path;
 

@@ -20,7 +20,7 @@ use super::{
     Crs, ExtraByte, LasError, RecordFormat,
     record::{Converter, DESCRIPTOR_BYTES},
 };
-use crate::geometry::Lattice;
+use crate::{geometry::Lattice, tile::PointCounts};
 
 /// Points decoded at a time.
 const BATCH: u64 = 65_536;
@@ -190,6 +190,21 @@ impl InputFile {
         starts
             .map(|start| start..start.saturating_add(length).min(all))
             .collect()
+    }
+
+    /// Reads over the first `points` of a file in which they cannot be jumped over;
+    /// whether there are so many.
+    fn skips(&self, reader: &mut Reader, points: u64) -> Result<bool, LasError> {
+        *reader = self.open()?;
+        let mut left = points;
+        while left > 0 {
+            let read = catch_unwind(AssertUnwindSafe(|| reader.read_points(left.min(BATCH))));
+            match read {
+                Ok(Ok(batch)) if !batch.is_empty() => left -= batch.len() as u64,
+                _ => return Ok(false),
+            }
+        }
+        Ok(true)
     }
 
     /// Whether the header's bounds can be true of a file with a point at
@@ -430,30 +445,10 @@ pub struct PointStream {
     converter: Converter,
     part: Range<u64>,
     claimed: u64,
-    counts: PointCounts,
+    /// Points read so far.
+    read: u64,
     /// Bounds that the header claims, in the file's own stored units.
     bounds: [[f64; 3]; 2],
-}
-
-/// Points of a file or a part of it, as far as it was read.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PointCounts {
-    /// Points read.
-    pub read: u64,
-    /// Of those, points out of the range of the run's lattice, left out.
-    pub rejected: u64,
-    /// Of those, points outside of the bounds that the header claims: some
-    /// damage passes the decoder unseen, and shows here.
-    pub outside: u64,
-}
-
-impl PointCounts {
-    /// Adds those of another part.
-    pub fn add(&mut self, other: &Self) {
-        self.read += other.read;
-        self.rejected += other.rejected;
-        self.outside += other.outside;
-    }
 }
 
 impl PointStream {
@@ -469,7 +464,9 @@ impl PointStream {
         lattice: Lattice,
     ) -> Result<Self, LasError> {
         let mut reader = input.open()?;
-        if part.start > 0 && !finds(&mut reader, part.start) {
+        if part.start > 0
+            && !(finds(&mut reader, part.start) || input.skips(&mut reader, part.start)?)
+        {
             return Err(LasError::new(
                 &input.path,
                 format!(
@@ -485,24 +482,25 @@ impl PointStream {
             converter: Converter::new(input, record, lattice),
             claimed: input.points_claimed,
             reader,
-            counts: PointCounts::default(),
+            read: 0,
             bounds: input.bounds.map(|corner| {
                 [0, 1, 2].map(|axis| (corner[axis] - input.offset[axis]) / input.scale[axis])
             }),
         })
     }
 
-    /// Replaces `records` by the next ones; returns how many points were read,
-    /// rejected ones included, and 0 at the end.
+    /// Replaces `records` by the next ones and says what points were read, rejected
+    /// ones included; none at the end.
     ///
     /// # Errors
     ///
     /// If the file ends early or cannot be decoded.
-    pub fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<usize, LasError> {
+    pub fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<PointCounts, LasError> {
         records.clear();
-        let wanted = BATCH.min(self.part.end - self.part.start - self.counts.read);
+        let mut counts = PointCounts::default();
+        let wanted = BATCH.min(self.part.end - self.part.start - self.read);
         if wanted == 0 {
-            return Ok(0);
+            return Ok(counts);
         }
         let (reader, batch) = (&mut self.reader, &mut self.batch);
         // Some corruption makes the decoder panic, not fail: bad data all the
@@ -516,17 +514,13 @@ impl PointStream {
         };
         for raw in self.batch.raw_bytes().chunks_exact(self.batch.record_len()) {
             if !self.converter.convert(raw, records) {
-                self.counts.rejected += 1;
+                counts.rejected += 1;
             }
-            self.counts.outside += u64::from(!is_within(raw, &self.bounds));
+            counts.outside += u64::from(!is_within(raw, &self.bounds));
         }
-        self.counts.read += read;
-        Ok(usize::try_from(read).unwrap_or(usize::MAX))
-    }
-
-    /// Points so far.
-    pub fn counts(&self) -> PointCounts {
-        self.counts
+        counts.read = read;
+        self.read += read;
+        Ok(counts)
     }
 
     fn broken(&self, why: &str) -> LasError {
@@ -534,7 +528,7 @@ impl PointStream {
             &self.path,
             format!(
                 "is truncated or damaged after point {} of {}: {why}; repair it or leave it out",
-                self.part.start + self.counts.read,
+                self.part.start + self.read,
                 self.claimed
             ),
         )

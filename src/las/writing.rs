@@ -200,12 +200,12 @@ impl CloudWriter {
         self.check()
     }
 
-    /// Completes the file and gives it its name; returns its points and bytes.
+    /// Completes the file, but for its name.
     ///
     /// # Errors
     ///
-    /// If it cannot be completed; nothing is left under either name then.
-    pub fn finish(mut self) -> Result<(u64, u64), LasError> {
+    /// If it cannot be completed; nothing is left of it then.
+    pub fn complete(mut self) -> Result<CompleteCloud, LasError> {
         let wrong = |e: &dyn std::fmt::Display| {
             LasError::new(&self.path, format!("cannot be written: {e}"))
         };
@@ -241,13 +241,17 @@ impl CloudWriter {
                 file.write_all(&bounds)?;
             }
             file.sync_all()?;
-            let bytes = file.metadata()?.len();
-            std::fs::rename(&self.part, &self.path)?;
-            Ok(bytes)
+            Ok(file.metadata()?.len())
         });
         let bytes = complete.map_err(|e: io::Error| wrong(&e))?;
         self.finished = true;
-        Ok((self.points, bytes))
+        Ok(CompleteCloud {
+            path: self.path.clone(),
+            part: self.part.clone(),
+            points: self.points,
+            bytes,
+            delivered: false,
+        })
     }
 
     fn check(&self) -> Result<(), LasError> {
@@ -266,6 +270,59 @@ impl Drop for CloudWriter {
         if !self.finished {
             // Not to be completed on the way out: it would be thrown away.
             self.failure.stop();
+            drop(std::fs::remove_file(&self.part));
+        }
+    }
+}
+
+/// A cloud on the disk, under another name; removed unless it is delivered.
+#[derive(Debug)]
+pub struct CompleteCloud {
+    path: PathBuf,
+    part: PathBuf,
+    points: u64,
+    bytes: u64,
+    delivered: bool,
+}
+
+impl CompleteCloud {
+    /// Where it is until then.
+    pub fn part(&self) -> &Path {
+        &self.part
+    }
+
+    /// Points in it.
+    pub fn points(&self) -> u64 {
+        self.points
+    }
+
+    /// Its length.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Gives it its name.
+    ///
+    /// # Errors
+    ///
+    /// If it cannot be renamed; nothing is left of it then.
+    pub fn deliver(mut self) -> Result<(), LasError> {
+        std::fs::rename(&self.part, &self.path)
+            .map_err(|e| LasError::new(&self.path, format!("cannot be written: {e}")))?;
+        self.delivered = true;
+        // Of the name, too: where a directory cannot be flushed, the system does so.
+        if let Some(dir) = self.path.parent()
+            && let Ok(dir) = File::open(dir)
+        {
+            drop(dir.sync_all());
+        }
+        Ok(())
+    }
+}
+
+impl Drop for CompleteCloud {
+    fn drop(&mut self) {
+        if !self.delivered {
             drop(std::fs::remove_file(&self.part));
         }
     }

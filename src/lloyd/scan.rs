@@ -21,6 +21,10 @@ use crate::geometry::{Lattice, Local, NeighborGrid, OccupiedCells, Stored, cell_
 /// 1.2 spacings; more cost time and moved no figure.
 const VOXELS_PER_SPACING: f64 = 3.0;
 
+/// Points of a voxel that are kept: six hundred to a seed of a plane. What a scanner
+/// that stands still heaps up beyond that tells nothing more.
+const MOST_PER_VOXEL: usize = 64;
+
 /// Edge of the cells in which samples are looked up, in fit radii.
 const SAMPLE_CELL: f64 = 0.4;
 
@@ -43,8 +47,8 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// Smooths `points`, sorts them by voxel, takes the samples, and closes the
-    /// holes, for what `options` ask for.
+    /// Thins `points`, smooths them, sorts them by voxel, takes the samples, and closes
+    /// the holes, for what `options` ask for.
     ///
     /// # Panics
     ///
@@ -52,11 +56,19 @@ impl Scan {
     /// [`OccupiedCells::sort`].
     pub fn new(points: Vec<Stored>, lattice: Lattice, options: &Options) -> Self {
         let points = if options.smooth > 0.0 {
-            smoothed(points, &lattice, options)
+            smoothed(Self::thinned(points, &lattice, options), &lattice, options)
         } else {
             points
         };
         let mut scan = Self::as_scanned(points, lattice, options);
+        if scan
+            .voxels
+            .ranges()
+            .any(|range| range.len() > MOST_PER_VOXEL)
+        {
+            let kept = Self::thinned(scan.points, &lattice, options);
+            scan = Self::as_scanned(kept, lattice, options);
+        }
         let filling = filling(&scan, options);
         if !filling.is_empty() {
             scan.fill(filling, options);
@@ -71,18 +83,10 @@ impl Scan {
     /// As [`new`](Self::new).
     pub fn as_scanned(points: Vec<Stored>, lattice: Lattice, options: &Options) -> Self {
         let Options {
-            spacing,
-            fit_radius,
-            seed,
-            ..
+            fit_radius, seed, ..
         } = *options;
-        assert!(
-            spacing > 0.0 && fit_radius > 0.0,
-            "a spacing of {spacing}, a fit radius of {fit_radius}"
-        );
-        // In whole stored units at least: a voxel finer than the lattice
-        // would hold one point for ever.
-        let voxel = (spacing / VOXELS_PER_SPACING).max(lattice.scale);
+        assert!(fit_radius > 0.0, "a fit radius of {fit_radius}");
+        let voxel = voxel_edge(&lattice, options);
         let (voxels, points) =
             OccupiedCells::sort_points(&points, |p| cell_of(lattice.local(p), voxel));
 
@@ -111,6 +115,39 @@ impl Scan {
             samples: NeighborGrid::new(&means, SAMPLE_CELL * fit_radius),
             counts,
         }
+    }
+
+    /// Of `points` in one voxel no more than [`MOST_PER_VOXEL`], those of the highest
+    /// priority, in no order that may be relied on. Points may be thinned by and by:
+    /// what is left at the end is the same.
+    ///
+    /// # Panics
+    ///
+    /// As [`new`](Self::new).
+    pub fn thinned(points: Vec<Stored>, lattice: &Lattice, options: &Options) -> Vec<Stored> {
+        let voxel = voxel_edge(lattice, options);
+        let (voxels, order) =
+            OccupiedCells::sort(&points, |&point| cell_of(lattice.local(point), voxel));
+        if voxels.ranges().all(|range| range.len() <= MOST_PER_VOXEL) {
+            return points;
+        }
+        let ranges: Vec<Range<usize>> = voxels.ranges().collect();
+        let rank = |point: &Stored| (priority(*point, options.seed), *point);
+        let kept = |range: Range<usize>| {
+            let mut held: Vec<Stored> = order[range].iter().map(|&i| points[i as usize]).collect();
+            if held.len() > MOST_PER_VOXEL {
+                held.select_nth_unstable_by_key(MOST_PER_VOXEL, rank);
+                held.truncate(MOST_PER_VOXEL);
+            }
+            held
+        };
+        ranges.into_par_iter().flat_map_iter(kept).collect()
+    }
+
+    /// Points to a square of edge `edge` (CRS units) of a plane beyond which some of
+    /// them are not kept.
+    pub fn most_on_square(edge: f64, lattice: &Lattice, options: &Options) -> f64 {
+        MOST_PER_VOXEL as f64 * (edge / voxel_edge(lattice, options)).powi(2)
     }
 
     /// Adds `filling`, of places in one voxel the smallest.
@@ -279,6 +316,14 @@ impl Scan {
     }
 }
 
+/// The edge of a voxel: whole stored units at least, as one finer than the lattice
+/// would hold one point for ever.
+fn voxel_edge(lattice: &Lattice, options: &Options) -> f64 {
+    let spacing = options.spacing;
+    assert!(spacing > 0.0, "a spacing of {spacing}");
+    (spacing / VOXELS_PER_SPACING).max(lattice.scale)
+}
+
 /// The priority of a point in every election: a hash of what it is, not of
 /// where in which file it stood.
 pub(super) fn priority(point: Stored, seed: u64) -> u64 {
@@ -375,6 +420,41 @@ mod tests {
             .map(|i| scan.count(i))
             .sum();
         assert_eq!(total as usize, scan.points().len());
+    }
+
+    #[test]
+    fn points_thinned_by_and_by_are_those_thinned_at_once() {
+        let lattice = Lattice {
+            scale: 0.001,
+            offset: [0.0; 3],
+        };
+        let options = Options::new(0.9);
+        let points = cloud(60_000);
+        let sorted = |mut points: Vec<Stored>| {
+            points.sort_unstable();
+            points
+        };
+        let at_once = sorted(Scan::thinned(points.clone(), &lattice, &options));
+        let mut by_and_by = Vec::new();
+        for part in points.rchunks(7_001) {
+            by_and_by.extend_from_slice(part);
+            by_and_by = Scan::thinned(by_and_by, &lattice, &options);
+        }
+        assert_eq!(sorted(by_and_by), at_once);
+
+        // The twin: a list for each voxel, sorted by priority, cut.
+        let mut held: std::collections::HashMap<_, Vec<Stored>> = std::collections::HashMap::new();
+        for point in points {
+            let voxel = cell_of(lattice.local(point), 0.3);
+            held.entry(voxel).or_default().push(point);
+        }
+        let truth = held.into_values().flat_map(|mut points| {
+            points.sort_unstable_by_key(|&p| (priority(p, options.seed), p));
+            points.truncate(MOST_PER_VOXEL);
+            points
+        });
+        assert_eq!(sorted(truth.collect()), at_once);
+        assert!(at_once.len() < 20_000);
     }
 
     #[test]

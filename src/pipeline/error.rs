@@ -1,5 +1,9 @@
 //! What ends a job, and what to do about it.
 
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
 use crate::{config::ConfigError, las::LasError, tile::TileError};
 
 /// Why a job failed.
@@ -15,6 +19,14 @@ pub enum JobError {
     /// Several inputs are, each with its reason.
     #[error("{} of the inputs cannot be used:\n  {}", .0.len(), .0.join("\n  "))]
     Inputs(Vec<String>),
+    /// Inputs cannot be read, each with its reason.
+    #[error(
+        "{} cannot be read:\n{}repair or remove {}, or give --on-bad-file skip to go on without",
+        files(.0.len()),
+        .0.iter().map(|bad| format!("  {}: {}\n", bad.path.display(), bad.reason)).collect::<String>(),
+        if .0.len() == 1 { "it" } else { "them" }
+    )]
+    BadFiles(Vec<LeftOut>),
     /// A temporary file is.
     #[error(transparent)]
     Tile(#[from] TileError),
@@ -33,6 +45,22 @@ pub enum JobError {
     Refused(String),
 }
 
+/// An input that cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LeftOut {
+    /// The file.
+    pub path: PathBuf,
+    /// What is wrong with it.
+    pub reason: String,
+}
+
+fn files(count: usize) -> String {
+    match count {
+        1 => "an input".to_owned(),
+        _ => format!("{count} of the inputs"),
+    }
+}
+
 impl JobError {
     pub(super) fn io(action: &'static str, path: &std::path::Path, source: std::io::Error) -> Self {
         Self::Io {
@@ -45,6 +73,11 @@ impl JobError {
     /// Whether the options are to blame, and not the data or the machine.
     pub fn is_usage(&self) -> bool {
         matches!(self, Self::Config(_))
+    }
+
+    /// Whether the same job can go on, once the machine lets it.
+    pub(super) fn is_resumable(&self) -> bool {
+        matches!(self, Self::Io { .. } | Self::Tile(_))
     }
 
     /// Whether the user stopped the job.

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use super::{
     JobError,
-    memory::Budget,
+    memory::{Budget, mebibytes},
     solving::{FARTHEST, uniformity},
 };
 use crate::{
@@ -21,7 +21,8 @@ use crate::{
     lloyd::{Domain, Options, Scan, describe_points},
     quality::{DistanceFigures, DistanceTally, Uniformity, UniformityTally},
     tile::{
-        CellGrid, Opener, Plan, PlanOptions, ScatterOptions, Source, SourceError, Spill, scatter,
+        CellGrid, Opener, Plan, PlanOptions, PointCounts, ScatterOptions, Source, SourceError,
+        Spill, TileError, scatter,
     },
 };
 
@@ -46,6 +47,8 @@ pub struct Measured {
 
 /// Points of a part.
 const PART_POINTS: u64 = 500_000;
+/// Memory for each of them: nearly all are seeds.
+const BYTES_PER_POINT: f64 = 1200.0;
 /// Reach of a patch through a finished cloud, in spacings: two rings of
 /// neighbours, some eighteen points.
 const FIT_RADIUS: f64 = 2.3;
@@ -156,8 +159,8 @@ struct LasPoints {
 }
 
 impl Source for LasPoints {
-    fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<usize, SourceError> {
-        let read = self.stream.next_batch(records)?;
+    fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<PointCounts, SourceError> {
+        let counts = self.stream.next_batch(records)?;
         let mut kept = 0;
         for place in (0..records.len()).step_by(self.length) {
             records.copy_within(place..place + COORDINATES, kept);
@@ -165,7 +168,7 @@ impl Source for LasPoints {
             kept += MARKED;
         }
         records.truncate(kept);
-        Ok(read)
+        Ok(counts)
     }
 }
 
@@ -176,21 +179,21 @@ struct PlyPoints {
 }
 
 impl Source for PlyPoints {
-    fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<usize, SourceError> {
-        const BATCH: usize = 50_000;
+    fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<PointCounts, SourceError> {
+        const BATCH: u64 = 50_000;
         records.clear();
-        let mut read = 0;
-        while read < BATCH
+        let mut counts = PointCounts::default();
+        while counts.read < BATCH
             && let Some(place) = self.stream.next_place()?
         {
-            read += 1;
+            counts.read += 1;
             // Within the bounds that the lattice was made for.
             if let Some(Stored { x, y, z }) = self.lattice.quantise(place) {
                 records.extend([x, y, z].into_iter().flat_map(i32::to_le_bytes));
                 records.push(self.mark.byte());
             }
         }
-        Ok(read)
+        Ok(counts)
     }
 }
 
@@ -239,10 +242,10 @@ pub fn measure_against_surface(
     for path in expand_inputs(files)? {
         let marked = [(Mark::Cloud, File::survey(&path)?)];
         let lattice = lattice(&marked);
-        let wrong = |e: SourceError| JobError::Tile(crate::tile::TileError::Source(e));
+        let wrong = |e: SourceError| JobError::Tile(TileError::Sources(vec![(0, e)]));
         let mut source = marked[0].1.open(Mark::Cloud, lattice).map_err(wrong)?;
         let mut records = Vec::new();
-        while source.next_batch(&mut records).map_err(wrong)? > 0 {
+        while source.next_batch(&mut records).map_err(wrong)?.read > 0 {
             for record in records.chunks_exact(MARKED) {
                 tally.push(distance(lattice.world(Stored::of_record(record))));
             }
@@ -276,12 +279,15 @@ fn measure_in(files: &[(Mark, File)], dir: &Path, budget: &Budget) -> Result<Mea
     let lattice = lattice(files);
     let sources: Vec<Opener<'_>> = files
         .iter()
-        .map(|(mark, file)| Box::new(move || file.open(*mark, lattice)) as Opener<'_>)
+        .map(|(mark, file)| Box::new(move |_| file.open(*mark, lattice)) as Opener<'_>)
         .collect();
     let options = ScatterOptions {
         record_length: MARKED,
         threads: budget.decoders(),
         buffer_bytes: budget.buffers(),
+        // A measurement is not resumed.
+        checkpoint_bytes: u64::MAX,
+        keep_going: false,
     };
     let extent = files.iter().fold(0.0, |extent: f64, (_, file)| {
         let [min, max] = file.bounds();
@@ -298,15 +304,23 @@ fn measure_in(files: &[(Mark, File)], dir: &Path, budget: &Budget) -> Result<Mea
     )?;
     let spill = Spill::open(dir)?;
     let parts = |halo: f64| {
-        Plan::make(
-            &spill,
-            PlanOptions {
-                halo: lattice.units(halo),
-                margin: 0,
-                tile_edge: None,
-                most_points: budget.points_per_tile(1.0).min(PART_POINTS),
-            },
-        )
+        let options = PlanOptions {
+            halo: lattice.units(halo),
+            margin: 0,
+            tile_edge: None,
+            most_cost: PART_POINTS.min(budget.points(BYTES_PER_POINT)),
+        };
+        let plan = Plan::by_points(&spill, &options);
+        let needed = budget.needed(plan.most_cost() as f64 * BYTES_PER_POINT);
+        if needed > budget.total {
+            return Err(JobError::Refused(format!(
+                "--memory {} is too little: the densest place holds {} points; give at least {}",
+                mebibytes(budget.total),
+                plan.most_cost(),
+                mebibytes(needed)
+            )));
+        }
+        Ok(plan)
     };
     let spacing = spacing(&spill, &parts(0.0)?, lattice)?;
     let has_scans = files.iter().any(|(mark, _)| *mark == Mark::Scan);

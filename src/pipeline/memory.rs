@@ -65,9 +65,9 @@ const FILLING_PER_SEED: f64 = 4.0;
 const PER_SEED: f64 = 1000.0;
 /// The allocator does not give everything back at once.
 const USABLE: f64 = 0.9;
-/// No tile larger than this, whatever the budget: a tile is what a stopped job
+/// No tile costs more than this, whatever the budget: a tile is what a stopped job
 /// loses.
-const MOST_POINTS: u64 = 16 << 20;
+const LARGEST_TILE: u64 = 3 << 30;
 
 /// The job's memory, shared out.
 #[derive(Clone, Copy, Debug)]
@@ -97,17 +97,20 @@ impl Budget {
         (self.total / 8).clamp(4 << 20, 256 << 20) as usize
     }
 
-    /// Points that a tile may see if every point becomes `seeds_per_point`
-    /// seeds, on the mean.
-    pub(super) fn points_per_tile(&self, seeds_per_point: f64) -> u64 {
-        let bytes = self.total.saturating_sub(BASE) as f64 * USABLE;
-        ((bytes / bytes_per_point(seeds_per_point)) as u64).min(MOST_POINTS)
+    /// Bytes that a tile may cost.
+    pub(super) fn tile(&self) -> u64 {
+        let usable = (self.total.saturating_sub(BASE) as f64 * USABLE) as u64;
+        usable.min(LARGEST_TILE)
     }
 
-    /// The budget with which a tile of `points` would fit.
-    pub(super) fn needed_for(&self, points: u64, seeds_per_point: f64) -> u64 {
-        let bytes = points as f64 * bytes_per_point(seeds_per_point) / USABLE;
-        BASE + bytes as u64
+    /// Points that fit, at so many bytes each.
+    pub(super) fn points(&self, bytes: f64) -> u64 {
+        (self.tile() as f64 / bytes) as u64
+    }
+
+    /// The budget with which a tile that costs so many bytes would fit.
+    pub(super) fn needed(&self, bytes: f64) -> u64 {
+        BASE + (bytes / USABLE).ceil() as u64
     }
 
     /// The least budget with which any job is tried.
@@ -116,11 +119,20 @@ impl Budget {
     }
 }
 
-fn bytes_per_point(seeds_per_point: f64) -> f64 {
-    let seeds = seeds_per_point.max(0.0);
+/// Bytes that a tile takes for so many points and seeds.
+pub(super) fn bytes_of(points: f64, seeds: f64) -> f64 {
     // A voxel for each point at the most, and those of the filling.
-    let voxels = (seeds * VOXELS_PER_SEED).min(1.0 + seeds * FILLING_PER_SEED);
-    PER_POINT_READ + PER_POINT_SOLVED + PER_VOXEL * voxels + PER_SEED * seeds
+    let voxels = (seeds * VOXELS_PER_SEED).min(points + seeds * FILLING_PER_SEED);
+    (PER_POINT_READ + PER_POINT_SOLVED) * points + PER_VOXEL * voxels + PER_SEED * seeds
+}
+
+/// Points that a tile of so many bytes has at the most.
+pub(super) fn points_for(bytes: u64) -> u64 {
+    (bytes as f64 / (PER_POINT_READ + PER_POINT_SOLVED)) as u64
+}
+
+pub(super) fn mebibytes(bytes: u64) -> String {
+    format!("{} MiB", bytes.div_ceil(1 << 20))
 }
 
 #[cfg(test)]
@@ -131,12 +143,10 @@ mod tests {
     fn a_tile_that_was_planned_fits_its_budget() {
         for total in [256 << 20, 1 << 30] {
             let budget = Budget { total, threads: 2 };
-            for seeds in [0.001, 0.02, 0.5, 4.0] {
-                let points = budget.points_per_tile(seeds);
-                assert!(points < MOST_POINTS);
-                assert!(budget.needed_for(points, seeds) <= total);
-                assert!(budget.needed_for(2 * points, seeds) > total);
-            }
+            assert!(budget.tile() < LARGEST_TILE);
+            let bytes = budget.tile() as f64;
+            assert!(budget.needed(bytes) <= total);
+            assert!(budget.needed(1.01 * bytes) > total);
         }
     }
 

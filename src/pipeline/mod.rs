@@ -7,23 +7,31 @@
 //! Each stage leaves files in the job directory that the next one reads, and
 //! that a later run of the same job finds: what is done is not done again.
 
+mod directory;
+mod disk;
 mod error;
+mod gathering;
 mod glimpse;
 mod job;
 mod measuring;
 mod memory;
+mod planning;
 mod progress;
+mod scattering;
 mod solving;
 mod spacing;
 mod survey;
 mod writing;
 
-pub use error::JobError;
+pub use directory::default_directory;
+pub use error::{JobError, LeftOut};
 pub use glimpse::Glimpse;
-pub use job::{InputCount, Job, JobPlan, Outcome, StageCost, default_directory};
+pub use job::{Job, Outcome, StageCost};
 pub use measuring::{Measured, measure, measure_against_surface};
 pub use memory::{memory_limit, peak_resident};
+pub use planning::JobPlan;
 pub use progress::{Progress, Quiet, Unit};
+pub use scattering::InputCount;
 pub use solving::TileFigures;
 pub use survey::Survey;
 pub use writing::Stitched;

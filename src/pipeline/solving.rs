@@ -1,14 +1,11 @@
 //! One tile, alone: from the spill to a solved tile and its figures.
 
-use std::{
-    collections::{HashMap, HashSet},
-    path::{Path, PathBuf},
-};
+use std::collections::{HashMap, HashSet};
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::JobError;
+use super::{JobError, gathering::gather_points, memory::points_for};
 use crate::{
     geometry::{Lattice, Local, NeighborGrid, Rect, Stored},
     lloyd::{DistanceSums, Domain, Options, Scan, Site, solve},
@@ -52,9 +49,9 @@ pub struct TileFigures {
     pub convergence: Vec<DistanceSums>,
 }
 
-/// The name of the figures of tile `tile` in the job directory `dir`.
-pub(super) fn figures_path(dir: &Path, tile: u32) -> PathBuf {
-    dir.join(format!("tile-{tile:06}.json"))
+/// The name of the figures of tile `tile` in the job directory.
+pub(super) fn figures_name(tile: u32) -> String {
+    format!("tile-{tile:06}.json")
 }
 
 /// A tile that has been read.
@@ -76,10 +73,12 @@ pub(super) fn load(
     options: &Options,
 ) -> Result<Loaded, JobError> {
     let known = tile.core.grown(plan.halo);
-    let add = |points: &mut Vec<Stored>, record: &[u8]| points.push(Stored::of_record(record));
-    let points = spill.gather_each(&known, add)?.concat();
-    let scanned =
-        (options.smooth > 0.0).then(|| Scan::as_scanned(points.clone(), lattice, options));
+    let crowd = points_for(tile.cost);
+    let points = gather_points(spill, &known, &lattice, options, crowd)?;
+    let scanned = (options.smooth > 0.0).then(|| {
+        let kept = Scan::thinned(points.clone(), &lattice, options);
+        Scan::as_scanned(kept, lattice, options)
+    });
     let scan = Scan::new(points, lattice, options);
     Ok(Loaded {
         tile,
@@ -222,16 +221,21 @@ fn nearest_records(
         figures.accuracy.push(distance);
         wanted.insert(nearest);
     }
-    let parts = spill.gather_each(known, |of_point: &mut HashMap<Stored, Vec<u8>>, record| {
-        let point = Stored::of_record(record);
-        if wanted.contains(&point) {
-            keep_smallest(of_point, point, record);
-        }
-    })?;
     let mut of_point = HashMap::with_capacity(found.len());
-    for (point, record) in parts.into_iter().flatten() {
-        keep_smallest(&mut of_point, point, &record);
-    }
+    spill.gather_each(
+        known,
+        |of_point: &mut HashMap<Stored, Vec<u8>>, record| {
+            let point = Stored::of_record(record);
+            if wanted.contains(&point) {
+                keep_smallest(of_point, point, record);
+            }
+        },
+        |part| {
+            for (point, record) in part {
+                keep_smallest(&mut of_point, point, &record);
+            }
+        },
+    )?;
     let mut records = vec![0; sites.len() * length];
     for (place, (nearest, _)) in records.chunks_exact_mut(length).zip(found) {
         if let Some(record) = of_point.get(&nearest) {

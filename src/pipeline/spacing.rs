@@ -8,12 +8,12 @@
 
 use rayon::prelude::*;
 
-use super::JobError;
+use super::{JobError, gathering::gather_points};
 use crate::{
     config::Settings,
-    geometry::{Lattice, OccupiedCells, Rect, Stored, cell_of},
+    geometry::{Lattice, OccupiedCells, Stored, cell_of},
     lloyd::{AREA_PER_SEED, Options, Scan, elected_in},
-    tile::{Plan, PlanOptions, Spill, Tile, TileError},
+    tile::{Plan, PlanOptions, Spill, Tile},
 };
 
 /// Seeds of a part, about: what it sees around itself is a third of that.
@@ -22,6 +22,8 @@ const PART_SEEDS: f64 = 2_000.0;
 const PART_POINTS: [f64; 2] = [30_000.0, 1_000_000.0];
 /// Points of the parts that are held at a time.
 const POINTS_AT_ONCE: u64 = 1_000_000;
+/// Points of a part beyond which they are thinned as they come.
+const CROWD: u64 = 2 * PART_POINTS[1] as u64;
 /// Points that are looked at for the voxels that they occupy.
 const VOXEL_POINTS: u64 = 30_000_000;
 /// Parts in which seeds are elected, at least, and the share of all: at first, to
@@ -162,11 +164,11 @@ impl<'a> Sample<'a> {
     fn of(spill: &'a Spill, lattice: &'a Lattice, options: &Options) -> Result<Self, JobError> {
         let halo = lattice.units(HALO * options.spacing);
         let margin = lattice.units(options.farthest_seed());
-        let tiles = parts(spill, halo, margin, options.seeds_per_point)?;
+        let tiles = parts(spill, halo, margin, options.seeds_per_point);
         let every = spill.points().div_ceil(VOXEL_POINTS).max(1) as usize;
         let tiles: Vec<Tile> = tiles.into_iter().step_by(every).collect();
         let voxels = at_once(&tiles, |tile| {
-            let points = gather(spill, &tile.core)?;
+            let points = gather_points(spill, &tile.core, lattice, options, CROWD)?;
             let voxel = |&point: &Stored| cell_of(lattice.local(point), options.spacing);
             Ok(OccupiedCells::sort(&points, voxel).0.len() as u64)
         })?;
@@ -186,7 +188,8 @@ impl<'a> Sample<'a> {
         let chosen = self.choose(least.max(share * self.parts.len() as f64));
         let tiles: Vec<Tile> = chosen.iter().map(|&(part, _)| self.parts[part].0).collect();
         let elected = at_once(&tiles, |tile| {
-            let points = gather(self.spill, &tile.core.grown(self.halo))?;
+            let seen = tile.core.grown(self.halo);
+            let points = gather_points(self.spill, &seen, self.lattice, options, CROWD)?;
             let scan = Scan::new(points, *self.lattice, options);
             Ok(elected_in(&scan, options, &tile.core) as u64)
         })?;
@@ -229,13 +232,6 @@ impl<'a> Sample<'a> {
     }
 }
 
-/// The points in `rect`.
-fn gather(spill: &Spill, rect: &Rect) -> Result<Vec<Stored>, JobError> {
-    let mut points: Vec<Stored> = Vec::new();
-    spill.gather(rect, |record| points.push(Stored::of_record(record)))?;
-    Ok(points)
-}
-
 /// Calls `work` for every one of `tiles`, for as many at once as hold no more than
 /// [`POINTS_AT_ONCE`]; results come in their order.
 fn at_once(
@@ -253,24 +249,13 @@ fn at_once(
 }
 
 /// The parts of a cloud that has so many seeds to the point.
-fn parts(
-    spill: &Spill,
-    halo: i64,
-    margin: i64,
-    seeds_per_point: f64,
-) -> Result<Vec<Tile>, JobError> {
+fn parts(spill: &Spill, halo: i64, margin: i64, seeds_per_point: f64) -> Vec<Tile> {
     let [least, most] = PART_POINTS;
-    let mut most_points = (PART_SEEDS / seeds_per_point).clamp(least, most) as u64;
-    loop {
-        let options = PlanOptions {
-            halo,
-            margin,
-            tile_edge: None,
-            most_points,
-        };
-        match Plan::make(spill, options) {
-            Err(TileError::TooDense { points, .. }) => most_points = points,
-            other => return Ok(other?.tiles),
-        }
-    }
+    let options = PlanOptions {
+        halo,
+        margin,
+        tile_edge: None,
+        most_cost: (PART_SEEDS / seeds_per_point).clamp(least, most) as u64,
+    };
+    Plan::by_points(spill, &options).tiles
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use rayon::prelude::*;
 
-use super::JobError;
+use super::{JobError, LeftOut};
 use crate::{
     config::Target,
     geometry::Lattice,
@@ -26,43 +26,77 @@ pub struct Survey {
     pub has_standard_time: bool,
     /// What is odd about the inputs.
     pub notes: Vec<String>,
+    /// Files that cannot be read, and are left out.
+    pub left_out: Vec<LeftOut>,
+    target: Option<Target>,
 }
 
 /// Stored units to a spacing at the least: quantisation is not to be felt.
 const UNITS_PER_SPACING: f64 = 50.0;
 
 impl Survey {
-    /// Reads the headers of the files that `arguments` name.
+    /// Reads the headers of the files that `arguments` name; those that cannot be read
+    /// are left out if `skip` says so.
     ///
     /// # Errors
     ///
-    /// [`JobError::Inputs`] with every file that cannot be used and why: not
-    /// readable, no LAS, another CRS or another kind of GPS time than the first,
-    /// degrees.
-    pub fn of(arguments: &[PathBuf], target: Option<Target>) -> Result<Self, JobError> {
+    /// [`JobError::BadFiles`] with every file that is not readable or no LAS, and
+    /// [`JobError::Inputs`] with every one that cannot be merged with the others:
+    /// another CRS or another kind of GPS time than the first, degrees.
+    pub fn of(arguments: &[PathBuf], target: Option<Target>, skip: bool) -> Result<Self, JobError> {
         let paths = expand_inputs(arguments)?;
         let surveyed: Vec<_> = paths
             .par_iter()
             .map(|path| InputFile::survey(path))
             .collect();
-        let mut problems = Vec::new();
+        let mut left_out = Vec::new();
         let mut inputs = Vec::new();
-        for result in surveyed {
+        for (path, result) in paths.into_iter().zip(surveyed) {
             match result {
                 Ok(input) => inputs.push(input),
-                Err(error) => problems.push(error.to_string()),
+                Err(error) => left_out.push(LeftOut {
+                    path,
+                    reason: error.problem,
+                }),
             }
         }
-        problems.extend(differences(&inputs));
+        if !left_out.is_empty() && !skip {
+            return Err(JobError::BadFiles(left_out));
+        }
+        Self::merge(inputs, left_out, target)
+    }
+
+    /// The survey without the files of `bad`.
+    ///
+    /// # Errors
+    ///
+    /// As [`of`](Self::of), if no file is left.
+    pub fn without(self, bad: Vec<LeftOut>) -> Result<Self, JobError> {
+        let mut inputs = self.inputs;
+        inputs.retain(|input| bad.iter().all(|bad| bad.path != input.path));
+        let left_out = self.left_out.into_iter().chain(bad).collect();
+        Self::merge(inputs, left_out, self.target)
+    }
+
+    /// What follows from `inputs`.
+    fn merge(
+        inputs: Vec<InputFile>,
+        mut left_out: Vec<LeftOut>,
+        target: Option<Target>,
+    ) -> Result<Self, JobError> {
+        left_out.sort_by(|a, b| a.path.cmp(&b.path));
+        left_out.dedup();
+        if inputs.is_empty() {
+            return Err(JobError::BadFiles(left_out));
+        }
+        let problems = differences(&inputs);
         if !problems.is_empty() {
             return Err(JobError::Inputs(problems));
         }
         if inputs.iter().all(|input| input.points_claimed == 0) {
             return Err(JobError::Refused(format!(
                 "{}: no input holds any point; there is nothing to resample",
-                paths
-                    .first()
-                    .map_or(String::new(), |p| p.display().to_string())
+                inputs[0].path.display()
             )));
         }
         let mut notes: Vec<String> = inputs
@@ -75,6 +109,11 @@ impl Survey {
                     .map(move |note| format!("{path}: {note}"))
             })
             .collect();
+        notes.extend(
+            left_out
+                .iter()
+                .map(|bad| format!("{} is left out: it {}", bad.path.display(), bad.reason)),
+        );
         let crs = inputs.iter().find_map(|input| input.crs.clone());
         match &crs {
             None => notes.push("no input states a CRS; the output states none".into()),
@@ -91,6 +130,8 @@ impl Survey {
             crs,
             notes,
             inputs,
+            left_out,
+            target,
         })
     }
 

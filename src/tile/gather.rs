@@ -1,15 +1,23 @@
 //! A tile's points from the spill: those of its core, and of its halo, which
 //! is nothing but the neighbouring cells.
 
-use std::fs::File;
+use std::{
+    fs::File,
+    io::{ErrorKind, Read, Seek, SeekFrom},
+};
 
 use rayon::prelude::*;
 
-use super::{Spill, TileError, map::window, spill::Chunk};
+use super::{Spill, TileError, spill::Chunk};
 use crate::geometry::{Rect, Stored};
 
-/// Bytes mapped at once.
+/// Bytes read at once. They are read, not mapped: a disk that fails under a map ends
+/// the program, and one that fails under a read is an error with a name.
 const WINDOW_BYTES: u64 = 8 << 20;
+/// Bytes of other cells that are read along rather than skipped.
+const WIDEST_GAP: u64 = 64 << 10;
+/// Windows that a thread reads before what was found in them is taken.
+const WINDOWS_TO_A_THREAD: usize = 4;
 
 impl Spill {
     /// Calls `visit` with every record whose point lies in `rect`, in no order
@@ -17,17 +25,19 @@ impl Spill {
     ///
     /// # Errors
     ///
-    /// [`TileError::Io`] if the spill cannot be read.
+    /// [`TileError::Io`] if the spill cannot be read, [`TileError::Damaged`] if it
+    /// has become shorter.
     pub fn gather(&self, rect: &Rect, mut visit: impl FnMut(&[u8])) -> Result<(), TileError> {
-        let file = self.open_records()?;
+        let mut buffer = Vec::new();
         for chunks in &windows(&self.chunks(rect), WINDOW_BYTES) {
-            self.visit_window(&file, chunks, rect, &mut visit)?;
+            self.visit_window(chunks, rect, &mut buffer, &mut visit)?;
         }
         Ok(())
     }
 
     /// The same in parallel: `visit` adds a record to what it has of the window that
-    /// the record lies in. Results come in the order of the windows.
+    /// the record lies in. What was found in a few windows goes to `take`, in the
+    /// order of the windows, before the next are read.
     ///
     /// # Errors
     ///
@@ -36,38 +46,48 @@ impl Spill {
         &self,
         rect: &Rect,
         visit: impl Fn(&mut T, &[u8]) + Sync,
-    ) -> Result<Vec<T>, TileError> {
-        let file = self.open_records()?;
+        mut take: impl FnMut(T),
+    ) -> Result<(), TileError> {
         // Together the windows are as large as one alone.
-        let most = WINDOW_BYTES / rayon::current_num_threads() as u64;
-        windows(&self.chunks(rect), most)
-            .par_iter()
-            .map(|chunks| {
-                let mut found = T::default();
-                self.visit_window(&file, chunks, rect, &mut |record| visit(&mut found, record))?;
-                Ok(found)
-            })
-            .collect()
-    }
-
-    fn open_records(&self) -> Result<File, TileError> {
-        File::open(&self.path).map_err(|source| TileError::io("read", &self.path, source))
+        let threads = rayon::current_num_threads();
+        let chunks = self.chunks(rect);
+        let windows = windows(&chunks, WINDOW_BYTES / threads as u64);
+        for few in windows.chunks(WINDOWS_TO_A_THREAD * threads) {
+            let found: Vec<T> = few
+                .par_iter()
+                .map_init(Vec::new, |buffer, chunks| {
+                    let mut found = T::default();
+                    let mut visit = |record: &[u8]| visit(&mut found, record);
+                    self.visit_window(chunks, rect, buffer, &mut visit)?;
+                    Ok(found)
+                })
+                .collect::<Result<_, TileError>>()?;
+            found.into_iter().for_each(&mut take);
+        }
+        Ok(())
     }
 
     fn visit_window(
         &self,
-        file: &File,
         chunks: &[Chunk],
         rect: &Rect,
+        buffer: &mut Vec<u8>,
         visit: &mut impl FnMut(&[u8]),
     ) -> Result<(), TileError> {
         let start = chunks.first().map_or(0, |chunk| chunk.offset);
         let end = chunks.last().map_or(0, |chunk| chunk.offset + chunk.bytes);
         // A window is a chunk or a few MiB.
-        let map = window(file, start, (end - start) as usize)
-            .map_err(|source| TileError::io("read", &self.path, source))?;
+        buffer.resize((end - start) as usize, 0);
+        let read = File::open(&self.path).and_then(|mut file| {
+            file.seek(SeekFrom::Start(start))?;
+            file.read_exact(buffer)
+        });
+        read.map_err(|source| match source.kind() {
+            ErrorKind::UnexpectedEof => TileError::damaged(&self.path),
+            _ => TileError::io("read", &self.path, source),
+        })?;
         for chunk in chunks {
-            self.visit_chunk(chunk, start, &map, rect, visit);
+            self.visit_chunk(chunk, start, buffer, rect, visit);
         }
         Ok(())
     }
@@ -98,8 +118,12 @@ fn windows(chunks: &[Chunk], most: u64) -> Vec<&[Chunk]> {
     let mut windows = Vec::new();
     let mut rest = chunks;
     while let Some(first) = rest.first() {
-        let fits = |chunk: &&Chunk| chunk.offset + chunk.bytes <= first.offset + most;
-        let count = rest.iter().take_while(fits).count().max(1);
+        let is_near = |pair: &&[Chunk]| {
+            let end = pair[0].offset + pair[0].bytes;
+            let is_close = pair[1].offset - end <= WIDEST_GAP;
+            is_close && pair[1].offset + pair[1].bytes <= first.offset + most
+        };
+        let count = 1 + rest.windows(2).take_while(is_near).count();
         let (near, far) = rest.split_at(count);
         windows.push(near);
         rest = far;
@@ -114,16 +138,73 @@ mod tests {
     use super::*;
     use crate::{
         geometry::spread,
-        tile::{CellGrid, Opener, ScatterOptions, Source, SourceError, scatter},
+        tile::{CellGrid, Opener, PointCounts, ScatterOptions, Source, SourceError, scatter},
     };
 
-    struct Batches(std::vec::IntoIter<Vec<u8>>);
+    /// Batches of records, and whether a failure follows on them.
+    struct Batches(std::vec::IntoIter<Vec<u8>>, bool);
 
     impl Source for Batches {
-        fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<usize, SourceError> {
+        fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<PointCounts, SourceError> {
             *records = self.0.next().unwrap_or_default();
-            Ok(records.len() / 16)
+            if self.1 && records.is_empty() {
+                return Err("the source dried up".into());
+            }
+            Ok(PointCounts {
+                read: records.len() as u64 / 16,
+                ..PointCounts::default()
+            })
         }
+    }
+
+    const OPTIONS: ScatterOptions = ScatterOptions {
+        record_length: 16,
+        threads: 2,
+        buffer_bytes: 0,
+        checkpoint_bytes: u64::MAX,
+        keep_going: false,
+    };
+
+    /// Scatters `records` from five sources, each of which fails after `most` of its
+    /// batches.
+    fn try_scatter(
+        records: &[Vec<u8>],
+        edge: i64,
+        options: ScatterOptions,
+        most: usize,
+        dir: &std::path::Path,
+    ) -> Result<u64, TileError> {
+        let sources: Vec<Opener<'_>> = records
+            .chunks(records.len() / 5 + 1)
+            .map(|part| {
+                Box::new(move |skip: u64| {
+                    let rest = &part[skip as usize..];
+                    let mut batches: Vec<Vec<u8>> = rest.chunks(97).map(<[_]>::concat).collect();
+                    let fails = batches.len() > most;
+                    batches.truncate(most);
+                    Ok(Box::new(Batches(batches.into_iter(), fails)) as Box<dyn Source>)
+                }) as Opener<'_>
+            })
+            .collect();
+        let first = std::sync::atomic::AtomicU64::new(u64::MAX);
+        let progress = |points: u64| {
+            let _ = first.compare_exchange(
+                u64::MAX,
+                points,
+                std::sync::atomic::Ordering::Relaxed,
+                std::sync::atomic::Ordering::Relaxed,
+            );
+        };
+        let cancel = AtomicBool::new(false);
+        scatter(
+            sources,
+            CellGrid::new(edge),
+            dir,
+            options,
+            &progress,
+            &cancel,
+        )?;
+        Ok(first.into_inner())
     }
 
     /// `n` records of 16 bytes: coordinates within ±`extent`, and a number.
@@ -140,30 +221,11 @@ mod tests {
     }
 
     fn spilled(records: &[Vec<u8>], edge: i64, threads: usize, dir: &std::path::Path) -> Spill {
-        let sources: Vec<Opener<'_>> = records
-            .chunks(records.len() / 5 + 1)
-            .map(|part| {
-                let batches: Vec<Vec<u8>> = part.chunks(97).map(<[_]>::concat).collect();
-                Box::new(|| Ok(Box::new(Batches(batches.into_iter())) as Box<dyn Source>))
-                    as Opener<'_>
-            })
-            .collect();
-        let options = ScatterOptions {
-            record_length: 16,
-            threads,
-            buffer_bytes: 0,
-        };
-        let done = scatter(
-            sources,
-            CellGrid::new(edge),
-            dir,
-            options,
-            &|_| {},
-            &AtomicBool::new(false),
-        )
-        .unwrap();
-        assert_eq!(done.points.iter().sum::<u64>(), records.len() as u64);
-        Spill::open(dir).unwrap()
+        let options = ScatterOptions { threads, ..OPTIONS };
+        try_scatter(records, edge, options, usize::MAX, dir).unwrap();
+        let spill = Spill::open(dir).unwrap();
+        assert_eq!(spill.points(), records.len() as u64);
+        spill
     }
 
     fn gathered(spill: &Spill, rect: &Rect) -> Vec<Vec<u8>> {
@@ -181,7 +243,6 @@ mod tests {
         for (edge, threads) in [(100, 1), (900, 3), (100_000, 2)] {
             let dir = tempfile::tempdir().unwrap();
             let spill = spilled(&all, edge, threads, dir.path());
-            assert_eq!(spill.points(), 20_000);
             for k in 0..20 {
                 let c = |j: u64| (spread(100 * k + j) % 10_000) as i64 - 5000;
                 let rect = Rect {
@@ -235,20 +296,80 @@ mod tests {
     #[test]
     fn a_directory_that_is_not_there_is_named() {
         let dir = tempfile::tempdir().unwrap().path().join("gone");
-        let options = ScatterOptions {
-            record_length: 16,
-            threads: 1,
-            buffer_bytes: 0,
-        };
-        let cancel = AtomicBool::new(false);
-        let error = scatter(
-            Vec::new(),
-            CellGrid::new(8),
-            &dir,
-            options,
-            &|_| {},
-            &cancel,
-        );
+        let error = try_scatter(&[], 8, OPTIONS, usize::MAX, &dir);
         assert!(error.unwrap_err().to_string().contains("gone"));
+    }
+    #[test]
+    fn a_stopped_scatter_goes_on_from_its_checkpoint() {
+        let all = records(20_000, 5000);
+        let everywhere = Rect {
+            min: [-6000; 2],
+            max: [6000; 2],
+        };
+        let options = ScatterOptions {
+            checkpoint_bytes: 40_000,
+            ..OPTIONS
+        };
+        let dir = tempfile::tempdir().unwrap();
+        // A try that fails where it may, and one that goes on from there.
+        let error = try_scatter(&all, 300, options, 15, dir.path()).unwrap_err();
+        assert!(error.to_string().contains("dried up"), "{error}");
+        assert!(!Spill::is_complete(dir.path()));
+        let before = try_scatter(&all, 300, options, usize::MAX, dir.path()).unwrap();
+        assert!(before >= 2500, "{before} points were kept");
+        let mut truth = all.clone();
+        truth.sort();
+        let spill = Spill::open(dir.path()).unwrap();
+        assert_eq!(gathered(&spill, &everywhere), truth);
+        let read: Vec<u64> = spill.sources().map(|counts| counts.read).collect();
+        assert_eq!(read, [4001, 4001, 4001, 4001, 3996]);
+    }
+
+    #[test]
+    fn sources_that_fail_are_all_named_when_asked_for() {
+        let all = records(5_000, 5000);
+        let dir = tempfile::tempdir().unwrap();
+        for (keep_going, expected) in [(true, 5), (false, 1)] {
+            let options = ScatterOptions {
+                keep_going,
+                ..OPTIONS
+            };
+            match try_scatter(&all, 300, options, 2, dir.path()) {
+                Err(TileError::Sources(failed)) => assert_eq!(failed.len(), expected),
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+
+    /// Points far apart would each have a cell; the grid grows with them, and comes
+    /// out the same whatever their order.
+    #[test]
+    fn a_grid_of_too_many_cells_is_made_coarser() {
+        let all = records(30_000, 1_000_000_000);
+        let mut turned = all.clone();
+        turned.reverse();
+        let edges: Vec<i64> = [all, turned]
+            .iter()
+            .map(|records| {
+                let dir = tempfile::tempdir().unwrap();
+                let spill = spilled(records, 8, 2, dir.path());
+                let rect = Rect {
+                    min: [-300_000_000, 0],
+                    max: [100_000_000, 700_000_000],
+                };
+                let mut truth: Vec<Vec<u8>> = records
+                    .iter()
+                    .filter(|r| rect.contains(Stored::of_record(r)))
+                    .cloned()
+                    .collect();
+                truth.sort();
+                assert_eq!(gathered(&spill, &rect), truth);
+                let counted: u64 = spill.squares().map(|(_, count)| count).sum();
+                assert_eq!(counted, 30_000);
+                spill.grid().edge()
+            })
+            .collect();
+        assert_eq!(edges[0], edges[1]);
+        assert!((10_000_000..100_000_000).contains(&edges[0]), "{edges:?}");
     }
 }

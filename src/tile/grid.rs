@@ -8,10 +8,9 @@ use crate::geometry::{Rect, Stored};
 /// Counting squares along the edge of a cell.
 pub(super) const SQUARES: i64 = 8;
 
-/// Cells along the longer side of what the headers claim. The claim is a hint:
-/// if it lies, cells are larger or smaller than they should be, and nothing
-/// else.
-const CELLS_ALONG: i64 = 128;
+/// Cells along the longer side of what the headers claim, if usual ones are too wide
+/// for as many.
+const CELLS_ALONG: i64 = 16;
 
 /// A cell, by its place in the grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -20,6 +19,16 @@ pub struct CellKey {
     pub row: i32,
     /// Counted eastwards.
     pub column: i32,
+}
+
+impl CellKey {
+    /// The cell of the grid twice as coarse that holds this one.
+    pub(super) fn parent(self) -> Self {
+        Self {
+            row: self.row.div_euclid(2),
+            column: self.column.div_euclid(2),
+        }
+    }
 }
 
 /// Equal square cells over the plane.
@@ -40,10 +49,27 @@ impl CellGrid {
         }
     }
 
-    /// A grid for a scan said to be `extent` wide (stored units), with cells no
-    /// finer than `least`.
-    pub fn for_extent(extent: i64, least: i64) -> Self {
-        Self::new((extent / CELLS_ALONG).max(least))
+    /// A grid to begin with, for a scan said to be `extent` wide, with cells of `usual`
+    /// width or less (stored units). What is said is a hint: a grid that turns out to
+    /// have too many cells is made coarser, one too coarse cannot be made finer, and
+    /// a single stray point makes an extent of anything.
+    pub fn for_extent(extent: i64, usual: i64) -> Self {
+        Self::new((extent / CELLS_ALONG).min(usual))
+    }
+
+    /// The grid of cells twice as wide, each of four of these.
+    pub(super) fn coarser(&self) -> Self {
+        Self::new(2 * self.edge)
+    }
+
+    /// The place, in the cell's parent, of the square at `place` of `cell`.
+    pub(super) fn square_in_parent(cell: CellKey, place: usize) -> usize {
+        let along = |cell: i32, square: usize| {
+            let square = i64::from(cell) * SQUARES + square as i64;
+            square.div_euclid(2).rem_euclid(SQUARES) as usize
+        };
+        let side = SQUARES as usize;
+        along(cell.row, place / side) * side + along(cell.column, place % side)
     }
 
     /// Edge of a cell in stored units.
@@ -69,6 +95,25 @@ impl CellGrid {
     pub(super) fn square_in_cell(&self, point: Stored) -> usize {
         let place = |c: i32| i64::from(c).rem_euclid(self.edge) / self.square();
         (place(point.y) * SQUARES + place(point.x)) as usize
+    }
+
+    /// The counting square of `point`, by its place in units of squares.
+    pub fn square_of(&self, point: Stored) -> [i64; 2] {
+        [point.x, point.y].map(|c| i64::from(c).div_euclid(self.square()))
+    }
+
+    /// The part of the plane that the counting square at `place` covers.
+    pub fn rect_of_square(&self, place: [i64; 2]) -> Rect {
+        Rect {
+            min: place.map(|c| c * self.square()),
+            max: place.map(|c| (c + 1) * self.square()),
+        }
+    }
+
+    /// The cell that the counting square at `place` is a part of.
+    pub fn cell_of_square(&self, place: [i64; 2]) -> CellKey {
+        let [column, row] = place.map(|c| c.div_euclid(SQUARES) as i32);
+        CellKey { row, column }
     }
 
     /// The part of the plane that `cell` covers.
@@ -100,6 +145,25 @@ mod tests {
                     let (x, y) = (i64::from(x), i64::from(y));
                     assert!(west <= x && x < west + grid.square());
                     assert!(south <= y && y < south + grid.square());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_square_keeps_its_points_when_the_grid_is_made_coarser() {
+        for edge in [8, 104, 12_344] {
+            let (grid, coarser) = (CellGrid::new(edge), CellGrid::new(edge).coarser());
+            for x in [i32::MIN, -100_000, -105, -1, 0, 1, 103, i32::MAX] {
+                for y in [i32::MIN, -7, 0, 12_344, i32::MAX] {
+                    let point = Stored { x, y, z: 0 };
+                    let cell = grid.cell(point);
+                    assert_eq!(coarser.cell(point), cell.parent());
+                    let square = CellGrid::square_in_parent(cell, grid.square_in_cell(point));
+                    assert_eq!(square, coarser.square_in_cell(point));
+                    let place = grid.square_of(point);
+                    assert_eq!(grid.cell_of_square(place), cell);
+                    assert!(grid.rect_of_square(place).contains(point));
                 }
             }
         }

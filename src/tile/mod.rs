@@ -13,21 +13,44 @@
 
 mod gather;
 mod grid;
-mod map;
+mod growing;
 mod plan;
 mod scatter;
 mod solved;
 mod spill;
 mod stitch;
+mod whole;
 
 pub use grid::{CellGrid, CellKey};
-pub use plan::{Plan, PlanOptions, Tile};
-pub use scatter::{Opener, ScatterOptions, Scattered, Source, SourceError, scatter};
+pub use plan::{Plan, PlanOptions, Square, Tile};
+pub use scatter::{Opener, ScatterOptions, Source, SourceError, scatter};
 pub use solved::{SolvedSite, SolvedTile, solved_path};
-pub use spill::{Bounds, Spill};
+pub use spill::{Bounds, SourceProgress, Spill};
 pub use stitch::{Guest, SeamTally, blend};
+pub use whole::{read_whole, write_whole};
 
 use std::{io, path::Path};
+
+/// Points of a source, as far as it was read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PointCounts {
+    /// Points read.
+    pub read: u64,
+    /// Of those, points out of the range of the run's lattice, left out.
+    pub rejected: u64,
+    /// Of those, points outside of the bounds that the header claims: some
+    /// damage passes the decoder unseen, and shows here.
+    pub outside: u64,
+}
+
+impl PointCounts {
+    /// Adds those of another part.
+    pub fn add(&mut self, other: &Self) {
+        self.read += other.read;
+        self.rejected += other.rejected;
+        self.outside += other.outside;
+    }
+}
 
 /// What goes wrong with temporary files.
 #[derive(Debug, thiserror::Error)]
@@ -49,25 +72,12 @@ pub enum TileError {
         /// The file.
         path: String,
     },
-    /// A source of points failed.
-    #[error("{0}")]
-    Source(SourceError),
+    /// Sources of points failed: which, and why.
+    #[error("{}", .0.iter().map(|(_, why)| why.to_string()).collect::<Vec<_>>().join("\n"))]
+    Sources(Vec<(usize, SourceError)>),
     /// The user asked to stop.
     #[error("stopped; the same command goes on from here")]
     Cancelled,
-    /// The smallest tile is too large.
-    #[error(
-        "a square of {edge} stored units holds, with its halo, {points} points, \
-         and the memory budget allows {allowed} to a tile"
-    )]
-    TooDense {
-        /// Edge of the square.
-        edge: i64,
-        /// Points in it and its halo.
-        points: u64,
-        /// Points allowed.
-        allowed: u64,
-    },
 }
 
 fn remedy(source: &io::Error) -> &'static str {

@@ -1,19 +1,19 @@
 //! Tiles that fit the budget, from true counts.
 //!
 //! The plane is cut in two, again and again, along the borders of counting
-//! squares, until what a tile sees (core and halo) fits. A long street so
-//! becomes a row of tiles, a dense junction several small ones. Cuts that make
-//! neighbours see the same points twice are costly: of the cuts tried the one
-//! with the fewest points seen, evenly shared, is taken.
+//! squares, until what a tile sees (core and halo) costs no more than it may. A
+//! long street so becomes a row of tiles, a dense junction several small ones. Cuts
+//! that make neighbours see the same places twice are costly: of the cuts tried the
+//! one that makes least be seen, evenly shared, is taken.
 
 use serde::{Deserialize, Serialize};
 
-use super::{Spill, TileError};
+use super::Spill;
 use crate::geometry::Rect;
 
 /// Cuts tried along each axis.
 const CUTS: i64 = 15;
-/// A part with less than this share of the points is a sliver: nearly all that
+/// A part with less than this share of the cost is a sliver: nearly all that
 /// it reads and solves is its neighbours'.
 const SLIVER: u64 = 4;
 
@@ -26,8 +26,19 @@ pub struct PlanOptions {
     pub margin: i64,
     /// Edge of square tiles; `None`: by the number of points.
     pub tile_edge: Option<i64>,
-    /// Points that a tile may see.
-    pub most_points: u64,
+    /// What a tile may cost, in the unit of the squares' costs.
+    pub most_cost: u64,
+}
+
+/// An occupied counting square.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Square {
+    /// Its south-west corner, in units of squares.
+    pub place: [i64; 2],
+    /// Points in it.
+    pub points: u64,
+    /// What it costs a tile to see it.
+    pub cost: u64,
 }
 
 /// A part of the plane that is solved alone.
@@ -41,6 +52,8 @@ pub struct Tile {
     pub points_core: u64,
     /// Points in core and halo, at most.
     pub points_seen: u64,
+    /// What core and halo cost, at most.
+    pub cost: u64,
 }
 
 /// All tiles of a job: every point is at home in exactly one.
@@ -53,26 +66,21 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Plans tiles over the points of `spill`.
+    /// Plans tiles over the occupied `squares`, each of edge `square` (stored units).
     ///
-    /// # Errors
-    ///
-    /// [`TileError::TooDense`] if a single counting square sees more than
-    /// `options.most_points`; a fixed tile size is taken as it is and never
-    /// refused here.
-    pub fn make(spill: &Spill, options: PlanOptions) -> Result<Self, TileError> {
-        let square = spill.grid().square();
-        let counts = Counts::new(spill.squares(), square);
+    /// A tile of a single square is taken whatever it costs, and so is one of a fixed
+    /// size: whether they fit is to be seen by [`most_cost`](Self::most_cost).
+    pub fn make(squares: &[Square], square: i64, options: &PlanOptions) -> Self {
+        let points = Sums::new(squares.iter().map(|s| (s.place, s.points)), square);
+        let costs = Sums::new(squares.iter().map(|s| (s.place, s.cost)), square);
         let mut cores = Vec::new();
-        if let Some(bounds) = counts.bounds() {
+        if let Some(bounds) = points.bounds() {
             match options.tile_edge {
-                Some(edge) => cores = equal_tiles(&counts, bounds, &options, edge),
-                None => split(
-                    &counts,
-                    counts.grown(bounds, options.margin),
-                    &options,
-                    &mut cores,
-                )?,
+                Some(edge) => cores = equal_tiles(&points, bounds, options, edge),
+                None => {
+                    let bounds = points.grown(bounds, options.margin);
+                    split(&points, &costs, bounds, options, &mut cores);
+                }
             }
         }
         let tiles = (0..)
@@ -80,31 +88,45 @@ impl Plan {
             .map(|(id, core)| Tile {
                 id,
                 core,
-                points_core: counts.touching(&core),
-                points_seen: counts.touching(&core.grown(options.halo)),
+                points_core: points.touching(&core),
+                points_seen: points.touching(&core.grown(options.halo)),
+                cost: costs.touching(&core.grown(options.halo)),
             })
             .collect();
-        Ok(Self {
+        Self {
             halo: options.halo,
             tiles,
-        })
+        }
     }
 
-    /// Most points that a tile sees.
-    pub fn most_points_seen(&self) -> u64 {
-        self.tiles.iter().map(|t| t.points_seen).max().unwrap_or(0)
+    /// Plans tiles over `spill` that cost as many as the points they see.
+    pub fn by_points(spill: &Spill, options: &PlanOptions) -> Self {
+        let squares: Vec<Square> = spill
+            .squares()
+            .map(|(place, points)| Square {
+                place,
+                points,
+                cost: points,
+            })
+            .collect();
+        Self::make(&squares, spill.grid().square(), options)
+    }
+
+    /// What the costliest tile costs.
+    pub fn most_cost(&self) -> u64 {
+        self.tiles.iter().map(|t| t.cost).max().unwrap_or(0)
     }
 }
 
-/// Points by counting square: rows of running sums, so that a rectangle costs
+/// Numbers by counting square: rows of running sums, so that a rectangle costs
 /// two searches a row and an empty city block nothing.
-struct Counts {
+struct Sums {
     square: i64,
-    /// Row, and for its occupied squares the column and the points up to it.
+    /// Row, and for its occupied squares the column and the sum up to it.
     rows: Vec<(i64, Vec<(i64, u64)>)>,
 }
 
-impl Counts {
+impl Sums {
     fn new(squares: impl Iterator<Item = ([i64; 2], u64)>, square: i64) -> Self {
         let mut sorted: Vec<([i64; 2], u64)> = squares.map(|([x, y], n)| ([y, x], n)).collect();
         sorted.sort_unstable();
@@ -147,7 +169,7 @@ impl Counts {
         rect.grown((margin + self.square - 1) / self.square * self.square)
     }
 
-    /// Points in the squares that `rect` touches.
+    /// The sum over the squares that `rect` touches.
     fn touching(&self, rect: &Rect) -> u64 {
         let low = rect.min.map(|c| c.div_euclid(self.square));
         // The last square touched: the one that holds `max - 1`.
@@ -167,7 +189,7 @@ impl Counts {
     }
 }
 
-fn equal_tiles(counts: &Counts, bounds: Rect, options: &PlanOptions, edge: i64) -> Vec<Rect> {
+fn equal_tiles(counts: &Sums, bounds: Rect, options: &PlanOptions, edge: i64) -> Vec<Rect> {
     let bounds = counts.grown(bounds, options.margin);
     let is_wanted = |rect: &Rect| counts.touching(&rect.grown(options.margin)) > 0;
     // Whole counting squares, so that counts are exact; anchored at the origin,
@@ -197,52 +219,47 @@ fn equal_tiles(counts: &Counts, bounds: Rect, options: &PlanOptions, edge: i64) 
     cores
 }
 
-fn split(
-    counts: &Counts,
-    core: Rect,
-    options: &PlanOptions,
-    cores: &mut Vec<Rect>,
-) -> Result<(), TileError> {
-    if counts.touching(&core.grown(options.margin)) == 0 {
-        return Ok(());
+fn split(points: &Sums, costs: &Sums, core: Rect, options: &PlanOptions, cores: &mut Vec<Rect>) {
+    if points.touching(&core.grown(options.margin)) == 0 {
+        return;
     }
-    let seen = counts.touching(&core.grown(options.halo));
-    if seen <= options.most_points {
-        cores.push(core);
-        return Ok(());
-    }
-    let Some([near, far]) = best_cut(counts, core, options.halo) else {
-        return Err(TileError::TooDense {
-            edge: counts.square,
-            points: seen,
-            allowed: options.most_points,
-        });
+    let fits = costs.touching(&core.grown(options.halo)) <= options.most_cost;
+    let cut = if fits {
+        None
+    } else {
+        best_cut(costs, core, options.halo)
     };
-    split(counts, near, options, cores)?;
-    split(counts, far, options, cores)
+    match cut {
+        Some(parts) => {
+            for part in parts {
+                split(points, costs, part, options, cores);
+            }
+        }
+        None => cores.push(core),
+    }
 }
 
-/// Of cuts along both axes the one whose parts see the fewest points, evenly,
-/// and neither of which is a sliver if that can be.
-fn best_cut(counts: &Counts, core: Rect, halo: i64) -> Option<[Rect; 2]> {
+/// Of cuts along both axes the one whose parts cost least, evenly, and neither of
+/// which is a sliver if that can be; none of a single square.
+fn best_cut(costs: &Sums, core: Rect, halo: i64) -> Option<[Rect; 2]> {
     let mut best: Option<((bool, u64), [Rect; 2])> = None;
-    let sliver = counts.touching(&core) / SLIVER;
+    let sliver = costs.touching(&core) / SLIVER;
     for axis in 0..2 {
-        let squares = (core.max[axis] - core.min[axis]) / counts.square;
+        let squares = (core.max[axis] - core.min[axis]) / costs.square;
         let cuts = CUTS.min(squares - 1);
         for cut in 1..=cuts {
-            let at = core.min[axis] + squares * cut / (cuts + 1) * counts.square;
+            let at = core.min[axis] + squares * cut / (cuts + 1) * costs.square;
             if at <= core.min[axis] || at >= core.max[axis] {
                 continue;
             }
             let mut parts = [core; 2];
             parts[0].max[axis] = at;
             parts[1].min[axis] = at;
-            let [near, far] = parts.map(|part| match counts.touching(&part) {
+            let [near, far] = parts.map(|part| match costs.touching(&part) {
                 0 => 0,
-                _ => counts.touching(&part.grown(halo)),
+                _ => costs.touching(&part.grown(halo)),
             });
-            let is_sliver = parts.iter().any(|part| counts.touching(part) < sliver);
+            let is_sliver = parts.iter().any(|part| costs.touching(part) < sliver);
             let cost = (is_sliver, near + far + near.abs_diff(far) / 2);
             if best.is_none_or(|(least, _)| cost < least) {
                 best = Some((cost, parts));
@@ -258,22 +275,22 @@ mod tests {
 
     use super::*;
 
-    fn counts(squares: &[([i64; 2], u64)], square: i64) -> Counts {
+    fn counts(squares: &[([i64; 2], u64)], square: i64) -> Sums {
         let mut merged = std::collections::BTreeMap::new();
         for &(place, count) in squares {
             *merged.entry(place).or_insert(0) += count;
         }
-        Counts::new(merged.into_iter(), square)
+        Sums::new(merged.into_iter(), square)
     }
 
     const MARGIN: i64 = 7;
 
-    fn options(halo: i64, most_points: u64) -> PlanOptions {
+    fn options(halo: i64, most_cost: u64) -> PlanOptions {
         PlanOptions {
             halo,
             margin: MARGIN,
             tile_edge: None,
-            most_points,
+            most_cost,
         }
     }
 
@@ -293,11 +310,10 @@ mod tests {
                 Some(edge) => cores = equal_tiles(&counts, bounds, &options(halo, most), edge),
                 None => {
                     let bounds = counts.grown(bounds, MARGIN);
-                    if split(&counts, bounds, &options(halo, most), &mut cores).is_err() {
-                        return Ok(());
-                    }
+                    split(&counts, &counts, bounds, &options(halo, most), &mut cores);
                     for core in &cores {
-                        prop_assert!(counts.touching(&core.grown(halo)) <= most);
+                        let is_single = (0..2).all(|axis| core.max[axis] - core.min[axis] == 10);
+                        prop_assert!(is_single || counts.touching(&core.grown(halo)) <= most);
                     }
                 }
             }
@@ -340,22 +356,19 @@ mod tests {
     }
 
     #[test]
-    fn a_square_that_does_not_fit_is_named_with_its_numbers() {
-        let counts = counts(&[([0, 0], 900), ([1, 0], 5)], 10);
-        let error = split(
-            &counts,
-            counts.bounds().unwrap(),
-            &options(3, 500),
-            &mut Vec::new(),
+    fn a_square_that_does_not_fit_stands_alone_and_tells_its_cost() {
+        let square = |x, cost| Square {
+            place: [x, 0],
+            points: 1,
+            cost,
+        };
+        let plan = Plan::make(&[square(0, 900), square(1, 5)], 10, &options(3, 500));
+        assert!(
+            plan.tiles
+                .iter()
+                .any(|t| t.core.max[0] - t.core.min[0] == 10)
         );
-        assert!(matches!(
-            error,
-            Err(TileError::TooDense {
-                points: 905,
-                allowed: 500,
-                ..
-            })
-        ));
+        assert_eq!(plan.most_cost(), 905);
     }
 
     #[test]
@@ -363,13 +376,8 @@ mod tests {
         let street: Vec<([i64; 2], u64)> = (0..400).map(|x| ([x, x % 2], 10)).collect();
         let counts = counts(&street, 10);
         let mut cores = Vec::new();
-        split(
-            &counts,
-            counts.bounds().unwrap(),
-            &options(50, 600),
-            &mut cores,
-        )
-        .unwrap();
+        let bounds = counts.bounds().unwrap();
+        split(&counts, &counts, bounds, &options(50, 600), &mut cores);
         assert!(cores.len() >= 8 && cores.len() <= 16, "{}", cores.len());
         assert!(cores.iter().all(|c| c.max[1] - c.min[1] == 20));
     }

@@ -1,25 +1,20 @@
 //! What a solved tile leaves behind: its sites, and the records of its core.
 //!
-//! One file a tile, written aside and renamed: its presence is the checkpoint.
+//! One file a tile, complete or not there: its presence is the checkpoint.
 //!
 //! ```text
 //!   magic, record length, core sites, band sites   4 × u64
-//!   core sites, then band sites                    64 bytes each
+//!   core sites, then band sites                    40 bytes each
 //!   records of the core's sites                    record length each
-//!   checksum of all before                         u64
 //! ```
 
-use std::{
-    fs::File,
-    io::{self, BufWriter, Write},
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
-use super::TileError;
-use crate::geometry::{Local, Stored, spread};
+use super::{TileError, read_whole, write_whole};
+use crate::geometry::{Local, Stored};
 
-const MAGIC: u64 = u64::from_le_bytes(*b"lloydar1");
-const SITE_BYTES: usize = 64;
+const MAGIC: u64 = u64::from_le_bytes(*b"lloydar2");
+const SITE_BYTES: usize = 40;
 const HEADER_BYTES: usize = 32;
 
 /// A site as its tile left it. Lengths are CRS units.
@@ -73,9 +68,7 @@ impl SolvedTile {
             encode(site, &mut bytes);
         }
         bytes.extend(&self.records);
-        let sum = checksum(&bytes);
-        bytes.extend(sum.to_le_bytes());
-        write_aside(&path, &bytes).map_err(|source| TileError::io("write", &path, source))?;
+        write_whole(&path, &bytes).map_err(|source| TileError::io("write", &path, source))?;
         Ok(bytes.len() as u64)
     }
 
@@ -87,24 +80,13 @@ impl SolvedTile {
     /// not what [`write`](Self::write) wrote.
     pub fn read(dir: &Path, tile: u32) -> Result<Self, TileError> {
         let path = solved_path(dir, tile);
-        let bytes = std::fs::read(&path).map_err(|source| TileError::io("read", &path, source))?;
-        decode_tile(&bytes).ok_or_else(|| TileError::damaged(&path))
+        let content = read_whole(&path).map_err(|source| TileError::io("read", &path, source))?;
+        let tile = content.and_then(|content| decode_tile(&content));
+        tile.ok_or_else(|| TileError::damaged(&path))
     }
 }
 
-/// Writes `bytes` under another name, flushes them to the disk, and renames.
-pub(super) fn write_aside(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let aside = path.with_extension("part");
-    let mut file = BufWriter::new(File::create(&aside)?);
-    file.write_all(bytes)?;
-    file.into_inner()
-        .map_err(io::IntoInnerError::into_error)?
-        .sync_all()?;
-    std::fs::rename(&aside, path)
-}
-
 fn encode(site: &SolvedSite, bytes: &mut Vec<u8>) {
-    let start = bytes.len();
     for c in [site.identity.x, site.identity.y, site.identity.z] {
         bytes.extend(c.to_le_bytes());
     }
@@ -112,14 +94,9 @@ fn encode(site: &SolvedSite, bytes: &mut Vec<u8>) {
     for c in site.position.iter() {
         bytes.extend(c.to_le_bytes());
     }
-    bytes.resize(start + SITE_BYTES, 0);
 }
 
-fn decode_tile(bytes: &[u8]) -> Option<SolvedTile> {
-    let (content, sum) = bytes.split_at_checked(bytes.len().checked_sub(8)?)?;
-    if checksum(content).to_le_bytes() != sum {
-        return None;
-    }
+fn decode_tile(content: &[u8]) -> Option<SolvedTile> {
     let word = |at: usize| -> Option<u64> {
         Some(u64::from_le_bytes(
             content.get(at..at + 8)?.try_into().ok()?,
@@ -167,15 +144,6 @@ fn decode(bytes: &[u8]) -> SolvedSite {
     }
 }
 
-/// A checksum against half-written and bit-rotten files, not against malice.
-pub(super) fn checksum(bytes: &[u8]) -> u64 {
-    bytes.chunks(8).fold(bytes.len() as u64, |sum, chunk| {
-        let mut word = [0; 8];
-        word[..chunk.len()].copy_from_slice(chunk);
-        spread(sum ^ u64::from_le_bytes(word))
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -202,15 +170,16 @@ mod tests {
     }
 
     #[test]
-    fn any_flipped_byte_and_any_cut_is_noticed() {
+    fn a_cut_tile_is_no_tile() {
         let dir = tempfile::tempdir().unwrap();
         tile().write(dir.path(), 0).unwrap();
-        let bytes = std::fs::read(solved_path(dir.path(), 0)).unwrap();
-        for at in 0..bytes.len() {
-            let mut flipped = bytes.clone();
-            flipped[at] ^= 0x10;
-            assert_eq!(decode_tile(&flipped), None, "byte {at}");
-            assert_eq!(decode_tile(&bytes[..at]), None, "cut at {at}");
+        let content = read_whole(&solved_path(dir.path(), 0)).unwrap().unwrap();
+        assert!(decode_tile(&content).is_some());
+        for at in 0..content.len() {
+            assert_eq!(decode_tile(&content[..at]), None, "cut at {at}");
         }
+        write_whole(&solved_path(dir.path(), 1), b"nonsense").unwrap();
+        let error = SolvedTile::read(dir.path(), 1).unwrap_err().to_string();
+        assert!(error.contains("tile-000001.solved"), "{error}");
     }
 }

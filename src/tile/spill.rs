@@ -1,29 +1,26 @@
 //! The spill: every point of the input, by cell, and the index that finds them.
 //!
 //! `spill.bin` is records and nothing else. `spill.index` is written once it is
-//! complete:
+//! complete, `spill.checkpoint` in the same form while it grows:
 //!
 //! ```text
-//!   magic, edge, record length, bytes, chunks, cells    6 × u64
+//!   magic, edge, record length, bytes                   4 × u64
+//!   chunks, cells, sources                              3 × u64
 //!   bounds: min and max of x, y, z                      6 × i32
 //!   chunks, by cell: row, column, offset, bytes         24 bytes each
-//!   cells: row, column, points of each counting square  8 + 64 × 4 bytes each
-//!   checksum of all before                              u64
+//!   cells: row, column, points of each counting square  8 + 64 × 8 bytes each
+//!   sources: read, rejected, outside, at its end        4 × u64 each
 //! ```
 
 use std::path::{Path, PathBuf};
 
-use super::{
-    CellGrid, CellKey, TileError,
-    grid::SQUARES,
-    solved::{checksum, write_aside},
-};
+use super::{CellGrid, CellKey, PointCounts, TileError, grid::SQUARES, read_whole, write_whole};
 use crate::geometry::{Rect, Stored};
 
-const MAGIC: u64 = u64::from_le_bytes(*b"llspill1");
+const MAGIC: u64 = u64::from_le_bytes(*b"llspill2");
 
 /// Points of every counting square of a cell, row by row.
-pub(super) type SquareCounts = [u32; (SQUARES * SQUARES) as usize];
+pub(super) type SquareCounts = [u64; (SQUARES * SQUARES) as usize];
 
 /// Records of one cell that lie together in the spill.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,7 +62,16 @@ impl Bounds {
     }
 }
 
-/// What is known of a complete spill.
+/// How far a source has been scattered.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SourceProgress {
+    /// Points taken from it.
+    pub counts: PointCounts,
+    /// Whether there are no more.
+    pub is_done: bool,
+}
+
+/// What is known of a spill.
 #[derive(Debug)]
 pub(super) struct Index {
     pub(super) grid: CellGrid,
@@ -74,14 +80,19 @@ pub(super) struct Index {
     pub(super) bounds: Bounds,
     pub(super) chunks: Vec<Chunk>,
     pub(super) counts: Vec<(CellKey, Box<SquareCounts>)>,
+    pub(super) sources: Vec<SourceProgress>,
 }
 
 pub(super) fn spill_path(dir: &Path) -> PathBuf {
     dir.join("spill.bin")
 }
 
-fn index_path(dir: &Path) -> PathBuf {
+pub(super) fn index_path(dir: &Path) -> PathBuf {
     dir.join("spill.index")
+}
+
+pub(super) fn checkpoint_path(dir: &Path) -> PathBuf {
+    dir.join("spill.checkpoint")
 }
 
 /// A complete spill.
@@ -106,9 +117,7 @@ impl Spill {
     /// and records are not what was written.
     pub fn open(dir: &Path) -> Result<Self, TileError> {
         let index_path = index_path(dir);
-        let bytes = std::fs::read(&index_path)
-            .map_err(|source| TileError::io("read", &index_path, source))?;
-        let index = Index::decode(&bytes).ok_or_else(|| TileError::damaged(&index_path))?;
+        let index = Index::read(&index_path)?.ok_or_else(|| TileError::damaged(&index_path))?;
         let path = spill_path(dir);
         let length = std::fs::metadata(&path)
             .map_err(|source| TileError::io("read", &path, source))?
@@ -120,7 +129,6 @@ impl Spill {
             .counts
             .iter()
             .flat_map(|(_, squares)| squares.iter())
-            .map(|&count| u64::from(count))
             .sum();
         Ok(Self {
             path,
@@ -149,11 +157,16 @@ impl Spill {
         self.index.grid
     }
 
+    /// What was taken from each source, in the order of the sources.
+    pub fn sources(&self) -> impl Iterator<Item = PointCounts> + '_ {
+        self.index.sources.iter().map(|source| source.counts)
+    }
+
     /// Bytes on disk, records and index.
     pub fn bytes(&self) -> u64 {
         self.index.bytes
             + 24 * self.index.chunks.len() as u64
-            + (8 + 4 * 64) * self.index.counts.len() as u64
+            + (8 + 8 * 64) * self.index.counts.len() as u64
     }
 
     /// The occupied counting squares, by their south-west corner in units of
@@ -164,10 +177,10 @@ impl Spill {
             (0..)
                 .zip(squares.iter())
                 .filter(|&(_, &count)| count > 0)
-                .map(move |(place, &count): (i64, &u32)| {
+                .map(move |(place, &count): (i64, &u64)| {
                     (
                         [corner[0] + place % SQUARES, corner[1] + place / SQUARES],
-                        u64::from(count),
+                        count,
                     )
                 })
         })
@@ -188,7 +201,8 @@ impl Spill {
 }
 
 impl Index {
-    pub(super) fn write(&self, dir: &Path) -> Result<(), TileError> {
+    /// Writes it to `path`, complete or not at all.
+    pub(super) fn write(&self, path: &Path) -> Result<(), TileError> {
         let mut out = Vec::new();
         for number in [
             MAGIC,
@@ -197,6 +211,7 @@ impl Index {
             self.bytes,
             self.chunks.len() as u64,
             self.counts.len() as u64,
+            self.sources.len() as u64,
         ] {
             out.extend(number.to_le_bytes());
         }
@@ -216,17 +231,26 @@ impl Index {
                 out.extend(count.to_le_bytes());
             }
         }
-        let sum = checksum(&out);
-        out.extend(sum.to_le_bytes());
-        let path = index_path(dir);
-        write_aside(&path, &out).map_err(|source| TileError::io("write", &path, source))
+        for SourceProgress { counts, is_done } in &self.sources {
+            let numbers = [counts.read, counts.rejected, counts.outside];
+            for number in numbers.into_iter().chain([u64::from(*is_done)]) {
+                out.extend(number.to_le_bytes());
+            }
+        }
+        write_whole(path, &out).map_err(|source| TileError::io("write", path, source))
     }
 
-    fn decode(bytes: &[u8]) -> Option<Self> {
-        let (content, sum) = bytes.split_at_checked(bytes.len().checked_sub(8)?)?;
-        if checksum(content).to_le_bytes() != sum {
-            return None;
-        }
+    /// The index at `path`; `None` if it is not what was written.
+    ///
+    /// # Errors
+    ///
+    /// [`TileError::Io`] if it cannot be read.
+    pub(super) fn read(path: &Path) -> Result<Option<Self>, TileError> {
+        let content = read_whole(path).map_err(|source| TileError::io("read", path, source))?;
+        Ok(content.and_then(|content| Self::decode(&content)))
+    }
+
+    fn decode(content: &[u8]) -> Option<Self> {
         let mut rest = Reader(content);
         if rest.u64()? != MAGIC {
             return None;
@@ -234,7 +258,7 @@ impl Index {
         let edge = i64::try_from(rest.u64()?).ok()?;
         let record_length = usize::try_from(rest.u64()?).ok()?;
         let total = rest.u64()?;
-        let (chunks, cells) = (rest.u64()?, rest.u64()?);
+        let [chunks, cells, sources] = [rest.u64()?, rest.u64()?, rest.u64()?];
         let mut bounds = Bounds::empty();
         for c in bounds.min.iter_mut().chain(&mut bounds.max) {
             *c = rest.i32()?;
@@ -246,6 +270,7 @@ impl Index {
             bounds,
             chunks: Vec::new(),
             counts: Vec::new(),
+            sources: Vec::new(),
         };
         for _ in 0..chunks {
             let cell = rest.cell()?;
@@ -264,9 +289,18 @@ impl Index {
             let cell = rest.cell()?;
             let mut squares = Box::new([0; (SQUARES * SQUARES) as usize]);
             for count in squares.iter_mut() {
-                *count = rest.i32()? as u32;
+                *count = rest.u64()?;
             }
             index.counts.push((cell, squares));
+        }
+        for _ in 0..sources {
+            let counts = PointCounts {
+                read: rest.u64()?,
+                rejected: rest.u64()?,
+                outside: rest.u64()?,
+            };
+            let is_done = rest.u64()? != 0;
+            index.sources.push(SourceProgress { counts, is_done });
         }
         (index.grid.edge() == edge && rest.0.is_empty()).then_some(index)
     }

@@ -1,0 +1,276 @@
+//! The job directory: whose it is, and what is kept in it.
+//!
+//! A directory belongs to one job, said by `job.json`, and to one process at a time,
+//! said by the lock. Nothing but a job's own files is ever removed from it.
+
+use std::{
+    fs::{self, File, Metadata},
+    io,
+    path::{Path, PathBuf},
+    time::UNIX_EPOCH,
+};
+
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+use super::JobError;
+use crate::tile::{read_whole, write_whole};
+
+/// A job directory that this process holds.
+#[derive(Debug)]
+pub(super) struct JobDirectory {
+    path: PathBuf,
+    /// Held as long as the job runs.
+    _lock: File,
+    about: About,
+}
+
+/// What `job.json` says.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct About {
+    /// What makes this job this job.
+    identity: serde_json::Value,
+    /// The output, once it is complete.
+    delivered: Option<Stamp>,
+}
+
+/// Length and time of a file: renamed, it is still the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Stamp {
+    bytes: u64,
+    /// Nanoseconds since 1970.
+    modified: u128,
+}
+
+impl Stamp {
+    /// The stamp of the file at `path` as it is now.
+    pub(super) fn of(path: &Path) -> io::Result<Self> {
+        fs::metadata(path).map(|metadata| Self::of_metadata(&metadata))
+    }
+
+    fn of_metadata(metadata: &Metadata) -> Self {
+        let modified = metadata.modified().ok();
+        let since = modified.and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+        Self {
+            bytes: metadata.len(),
+            modified: since.map_or(0, |since| since.as_nanos()),
+        }
+    }
+}
+
+impl JobDirectory {
+    /// Makes the directory at `path` or finds this very job in it, and takes hold of
+    /// it; with `restart` whatever job it finds is forgotten.
+    ///
+    /// # Errors
+    ///
+    /// If it cannot be made, another process holds it, or it holds another job or
+    /// anything else.
+    pub(super) fn open(
+        path: &Path,
+        identity: serde_json::Value,
+        restart: bool,
+    ) -> Result<Self, JobError> {
+        let refused = |problem: &str| JobError::Refused(format!("{}: {problem}", path.display()));
+        fs::create_dir_all(path).map_err(|e| JobError::io("make the job directory", path, e))?;
+        let entries = fs::read_dir(path).map_err(|e| JobError::io("read", path, e))?;
+        let is_foreign = |name: &std::ffi::OsStr| name.to_str().is_none_or(|name| !is_own(name));
+        if entries
+            .flatten()
+            .any(|entry| is_foreign(&entry.file_name()))
+        {
+            return Err(refused(
+                "holds files that are no job's; choose a new or empty directory with --job",
+            ));
+        }
+        let lock_path = path.join("lock");
+        let lock = File::create(&lock_path).map_err(|e| JobError::io("create", &lock_path, e))?;
+        if lock.try_lock().is_err() {
+            return Err(refused(
+                "another process is at work on this job; wait for it, or choose another --job",
+            ));
+        }
+        let mut directory = Self {
+            path: path.to_owned(),
+            _lock: lock,
+            about: About {
+                identity,
+                delivered: None,
+            },
+        };
+        if restart {
+            directory.forget(|name| name != "lock");
+        }
+        match directory.read::<About>("job.json") {
+            Some(found) if found.identity == directory.about.identity => directory.about = found,
+            Some(_) => {
+                return Err(refused(
+                    "holds a job with other inputs or settings, or inputs that have changed since; \
+                     give --restart to begin anew, or choose another --job",
+                ));
+            }
+            None => {
+                // Whatever else is there, nobody knows what it is of.
+                directory.forget(|name| name != "lock");
+                directory.write("job.json", &directory.about)?;
+            }
+        }
+        Ok(directory)
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What the file `name` holds, if it is there and whole.
+    pub(super) fn read<T: DeserializeOwned>(&self, name: &str) -> Option<T> {
+        let content = read_whole(&self.path.join(name)).ok()??;
+        serde_json::from_slice(&content).ok()
+    }
+
+    /// Writes the file `name`, complete or not at all.
+    ///
+    /// # Errors
+    ///
+    /// If it cannot be written.
+    ///
+    /// # Panics
+    ///
+    /// If `value` cannot be JSON.
+    pub(super) fn write(&self, name: &str, value: &impl Serialize) -> Result<(), JobError> {
+        let text = serde_json::to_string_pretty(value).expect("plain numbers and text");
+        let path = self.path.join(name);
+        write_whole(&path, text.as_bytes()).map_err(|e| JobError::io("write", &path, e))
+    }
+
+    /// Remembers that the file with this `stamp` is the job's output.
+    ///
+    /// # Errors
+    ///
+    /// If it cannot be written down.
+    pub(super) fn deliver(&mut self, stamp: Stamp) -> Result<(), JobError> {
+        self.about.delivered = Some(stamp);
+        self.write("job.json", &self.about)
+    }
+
+    /// Whether an earlier run of this job completed the file at `output`, which has
+    /// been left alone since.
+    pub(super) fn has_delivered(&self, output: &Path) -> bool {
+        let delivered = self.about.delivered;
+        delivered.is_some() && Stamp::of(output).ok() == delivered
+    }
+
+    /// Removes the results of all tiles.
+    pub(super) fn forget_tiles(&self) {
+        self.forget(|name| name.starts_with("tile-"));
+    }
+
+    /// Removes the job's files of which `wanted` says so; what cannot be removed stays.
+    pub(super) fn forget(&self, wanted: impl Fn(&str) -> bool) {
+        let entries = fs::read_dir(&self.path).into_iter().flatten().flatten();
+        for entry in entries {
+            let name = entry.file_name();
+            if name
+                .to_str()
+                .is_some_and(|name| is_own(name) && wanted(name))
+            {
+                drop(fs::remove_file(entry.path()));
+            }
+        }
+    }
+
+    /// Removes the job, and the directory. Whose it was goes last: a process that is
+    /// killed on the way knows it again.
+    pub(super) fn clear(self) {
+        self.forget(|name| name != "job.json" && name != "lock");
+        self.forget(|name| name != "lock");
+        self.forget(|_| true);
+        drop(fs::remove_dir(&self.path));
+    }
+}
+
+/// Whether `name` is that of a file that jobs make.
+fn is_own(name: &str) -> bool {
+    const NAMES: [&str; 6] = ["job", "left-out", "spacing", "plan", "spill", "lock"];
+    const ENDINGS: [&str; 8] = [
+        "json",
+        "part",
+        "bin",
+        "index",
+        "checkpoint",
+        "solved",
+        "settled",
+        "",
+    ];
+    let (stem, ending) = name.split_once('.').unwrap_or((name, ""));
+    let is_tile = stem
+        .strip_prefix("tile-")
+        .is_some_and(|number| number.len() >= 6 && number.bytes().all(|b| b.is_ascii_digit()));
+    (is_tile || NAMES.contains(&stem)) && ENDINGS.contains(&ending)
+}
+
+/// A name for the directory of the job that makes `output`.
+pub fn default_directory(output: &Path) -> PathBuf {
+    let mut name = output
+        .file_name()
+        .map(std::ffi::OsStr::to_owned)
+        .unwrap_or_default();
+    name.push(".job");
+    output.with_file_name(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn open(path: &Path, identity: u32, restart: bool) -> Result<JobDirectory, JobError> {
+        JobDirectory::open(path, identity.into(), restart)
+    }
+
+    #[test]
+    fn a_directory_belongs_to_one_job_and_one_process() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("job");
+        let first = open(&path, 1, false).unwrap();
+        first.write("spacing.json", &0.5).unwrap();
+        let error = open(&path, 1, false).unwrap_err().to_string();
+        assert!(error.contains("another process"), "{error}");
+        drop(first);
+        assert_eq!(
+            open(&path, 1, false).unwrap().read("spacing.json"),
+            Some(0.5)
+        );
+        let error = open(&path, 2, false).unwrap_err().to_string();
+        assert!(error.contains("--restart"), "{error}");
+        let anew = open(&path, 2, true).unwrap();
+        assert_eq!(anew.read::<f64>("spacing.json"), None);
+        anew.clear();
+        assert!(!path.exists());
+    }
+
+    #[test]
+    fn what_is_no_jobs_is_left_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["tile-photo.jpg", "notes.txt", "plan.xls", "Données"] {
+            let path = dir.path().join(name);
+            fs::write(&path, "precious").unwrap();
+            let error = open(dir.path(), 1, true).unwrap_err().to_string();
+            assert!(error.contains("no job's"), "{error}");
+            assert_eq!(fs::read(&path).unwrap(), b"precious");
+            fs::remove_file(path).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_delivered_output_is_known_again_unless_it_was_changed() {
+        let dir = tempfile::tempdir().unwrap();
+        let (path, output) = (dir.path().join("job"), dir.path().join("out.laz"));
+        fs::write(&output, "a cloud").unwrap();
+        let mut job = open(&path, 1, false).unwrap();
+        assert!(!job.has_delivered(&output));
+        job.deliver(Stamp::of(&output).unwrap()).unwrap();
+        drop(job);
+        assert!(open(&path, 1, false).unwrap().has_delivered(&output));
+        fs::write(&output, "another one").unwrap();
+        assert!(!open(&path, 1, false).unwrap().has_delivered(&output));
+    }
+}

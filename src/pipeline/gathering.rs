@@ -1,0 +1,34 @@
+//! Points of a rectangle, however many were scanned there.
+
+use super::JobError;
+use crate::{
+    geometry::{Lattice, Rect, Stored},
+    lloyd::{Options, Scan},
+    tile::Spill,
+};
+
+/// The points of `spill` in `rect`, all of them or, if they are more than `crowd`,
+/// no fewer than a scan for `options` keeps of them. Held at a time are about twice
+/// as many as are kept, or `crowd`.
+pub(super) fn gather_points(
+    spill: &Spill,
+    rect: &Rect,
+    lattice: &Lattice,
+    options: &Options,
+    crowd: u64,
+) -> Result<Vec<Stored>, JobError> {
+    let mut points: Vec<Stored> = Vec::new();
+    let mut most = crowd as usize;
+    spill.gather_each(
+        rect,
+        |found: &mut Vec<Stored>, record| found.push(Stored::of_record(record)),
+        |found| {
+            points.extend(found);
+            if points.len() > most {
+                points = Scan::thinned(std::mem::take(&mut points), lattice, options);
+                most = most.max(2 * points.len());
+            }
+        },
+    )?;
+    Ok(points)
+}

@@ -1,0 +1,284 @@
+//! How dense, and in which tiles: from true counts.
+
+use std::{collections::HashMap, fs};
+
+use serde::Serialize;
+
+use super::{
+    JobError, Progress, Survey,
+    directory::JobDirectory,
+    disk::{Need, check_room, directory_of},
+    gathering::gather_points,
+    job::Job,
+    memory::{Budget, bytes_of, mebibytes, points_for},
+    spacing,
+};
+use crate::{
+    config::Target,
+    geometry::Lattice,
+    lloyd::{AREA_PER_SEED, Options, Scan},
+    tile::{CellKey, Plan, PlanOptions, Spill, Square},
+};
+
+/// What would be done.
+#[derive(Clone, Debug, Serialize)]
+pub struct JobPlan {
+    /// Points of the input.
+    pub points: u64,
+    /// Spacing of the output (CRS units).
+    pub spacing: f64,
+    /// Points of the output, about.
+    pub points_out: u64,
+    /// The tiles.
+    pub plan: Plan,
+    /// What a tile sees around its core (CRS units).
+    pub halo: f64,
+    /// Peak memory expected, in bytes.
+    pub memory: u64,
+    /// The budget, in bytes.
+    pub budget: u64,
+    /// Temporary files, in bytes.
+    pub temporary: u64,
+    /// Seconds expected, about.
+    pub seconds: f64,
+    /// Scale and offset of the output.
+    pub lattice: Lattice,
+}
+
+/// Seconds for a million points to be decoded and spilled, and for a million
+/// seeds to be moved once, on one core: rough, for the estimate of a plan.
+const SCATTER_SECONDS: f64 = 0.9;
+const STEP_SECONDS: f64 = 6.0;
+/// A tile may have more seeds to its points than the mean.
+const SEEDS_TO_SPARE: f64 = 1.25;
+/// Points that are held to see how many of them are kept.
+const CROWD: u64 = 1 << 20;
+/// Cells of more points are looked into square by square.
+const LARGE_CELL: u64 = 4 << 20;
+
+/// A spill whose tiles are to be planned.
+pub(super) struct Planning<'a> {
+    pub(super) job: &'a Job,
+    pub(super) survey: &'a Survey,
+    pub(super) directory: &'a JobDirectory,
+    pub(super) spill: &'a Spill,
+    pub(super) budget: &'a Budget,
+}
+
+impl Planning<'_> {
+    /// The spacing, and about how many points it gives.
+    pub(super) fn spacing(&self, progress: &dyn Progress) -> Result<(f64, u64), JobError> {
+        if let Some(found) = self.directory.read("spacing.json") {
+            return Ok(found);
+        }
+        let (spill, settings) = (self.spill, &self.job.settings);
+        let lattice = &self.survey.lattice;
+        let extent = spill.bounds().extent() as f64 * lattice.scale;
+        let found = match settings.target {
+            Target::Spacing(spacing) => {
+                // Points that are all at one place are one point, at any spacing.
+                if extent > 0.0 && spacing > extent / 2.0 {
+                    return Err(JobError::Refused(format!(
+                        "--spacing {spacing} is too wide for this scan, which is {extent:.3} across \
+                         (in CRS units): give less than half of that"
+                    )));
+                }
+                if spacing < 2.0 * lattice.scale {
+                    return Err(JobError::Refused(format!(
+                        "--spacing {spacing} is finer than coordinates on a scale of {} can tell; \
+                         give at least {}",
+                        lattice.scale,
+                        2.0 * lattice.scale
+                    )));
+                }
+                let seeds = spacing::expected(spill, lattice, settings, spacing)?;
+                (spacing, seeds.round() as u64)
+            }
+            Target::Count(count) => (spacing::for_count(spill, lattice, settings, count)?, count),
+            Target::Ratio(ratio) => {
+                let count = ((spill.points() as f64 * ratio).round() as u64).max(1);
+                (spacing::for_count(spill, lattice, settings, count)?, count)
+            }
+        };
+        progress.note(&format!(
+            "spacing {:.4}, about {} points out of {}",
+            found.0,
+            found.1,
+            spill.points()
+        ));
+        self.directory.write("spacing.json", &found)?;
+        Ok(found)
+    }
+
+    /// Tiles for about `points_out` seeds, and what they will take.
+    pub(super) fn tiles(&self, options: &Options, points_out: u64) -> Result<JobPlan, JobError> {
+        let (spill, settings) = (self.spill, &self.job.settings);
+        let lattice = self.survey.lattice;
+        let halo = settings.halo.unwrap_or_else(|| options.halo());
+        let most_cost = self.budget.tile();
+        // Tiles solved under another plan would not fit together: the first
+        // plan of a job stands, as long as it fits the budget of this run.
+        let found = self.directory.read::<Plan>("plan.json");
+        let plan = match found.filter(|plan| plan.most_cost() <= most_cost) {
+            Some(plan) => plan,
+            None => {
+                let plan = Plan::make(
+                    &self.squares(options, points_out)?,
+                    spill.grid().square(),
+                    &PlanOptions {
+                        halo: lattice.units(halo),
+                        margin: lattice.units(options.farthest_seed()),
+                        tile_edge: settings.tile_size.map(|edge| lattice.units(edge)),
+                        most_cost,
+                    },
+                );
+                self.directory.forget_tiles();
+                self.directory.write("plan.json", &plan)?;
+                plan
+            }
+        };
+        self.check_memory(&plan, halo)?;
+        let points_seen: u64 = plan.tiles.iter().map(|tile| tile.points_seen).sum();
+        let overlap = points_seen as f64 / spill.points().max(1) as f64;
+        let million = 1e-6 / settings.threads as f64;
+        let seconds = spill.points() as f64 * million * SCATTER_SECONDS * (1.0 + overlap)
+            + points_out as f64 * million * STEP_SECONDS * f64::from(options.iterations) * overlap;
+        let records = points_out * spill.record_length() as u64;
+        // A site twice, as its tile leaves it and as it is settled; and those of the
+        // bands.
+        let solved = 2 * records + 48 * points_out;
+        self.check_disk(solved, records)?;
+        let needed = self.budget.needed(plan.most_cost() as f64);
+        Ok(JobPlan {
+            points: spill.points(),
+            spacing: options.spacing,
+            points_out,
+            halo,
+            memory: needed.max(self.budget.least()),
+            budget: self.budget.total,
+            temporary: spill.bytes() + solved,
+            seconds,
+            plan,
+            lattice,
+        })
+    }
+
+    fn check_memory(&self, plan: &Plan, halo: f64) -> Result<(), JobError> {
+        let costly = plan.tiles.iter().max_by_key(|tile| tile.cost);
+        let Some(tile) = costly.filter(|tile| tile.cost > self.budget.tile()) else {
+            return Ok(());
+        };
+        let (total, needed) = (self.budget.total, self.budget.needed(tile.cost as f64));
+        let points = tile.points_seen;
+        Err(JobError::Refused(match self.job.settings.tile_size {
+            Some(_) => format!(
+                "--tile-size makes a tile of {points} points, which takes about {}, and --memory is \
+                 {}; give smaller tiles or more memory",
+                mebibytes(needed),
+                mebibytes(total)
+            ),
+            None => format!(
+                "--memory {} is too little: the densest place holds {points} points within a halo of \
+                 {halo:.3}; give at least {}",
+                mebibytes(total),
+                mebibytes(needed)
+            ),
+        }))
+    }
+
+    /// Refuses what has no room for `solved` bytes of solved tiles, and an output of
+    /// `records` bytes at the most.
+    fn check_disk(&self, solved: u64, records: u64) -> Result<(), JobError> {
+        let held = fs::read_dir(self.directory.path())
+            .into_iter()
+            .flatten()
+            .flatten();
+        let tiles = held.filter(|e| e.file_name().to_string_lossy().starts_with("tile-"));
+        let present: u64 = tiles
+            .filter_map(|e| e.metadata().ok())
+            .map(|m| m.len())
+            .sum();
+        let is_compressed = self
+            .job
+            .output
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("laz"));
+        check_room(&[
+            Need {
+                what: "solved tiles",
+                dir: self.directory.path(),
+                bytes: solved.saturating_sub(present),
+            },
+            Need {
+                what: "the output",
+                dir: &directory_of(&self.job.output),
+                bytes: if is_compressed { records / 2 } else { records },
+            },
+        ])
+    }
+
+    /// The occupied counting squares, with the memory that a tile takes for each.
+    fn squares(&self, options: &Options, points_out: u64) -> Result<Vec<Square>, JobError> {
+        let (spill, lattice) = (self.spill, &self.survey.lattice);
+        let edge = spill.grid().square() as f64 * lattice.scale;
+        let kept = self.kept(edge, options)?;
+        let mean = SEEDS_TO_SPARE * points_out as f64 / spill.points() as f64;
+        // Where the scan is sparse it has more seeds to the point, up to one for each,
+        // or more where holes are filled; but no more than there is room for.
+        let room = (edge / options.spacing).powi(2) / AREA_PER_SEED;
+        let sparse = |points: f64| room.min(points * f64::max(1.0, 2.0 * mean));
+        let all_sparse: f64 = spill
+            .squares()
+            .map(|(_, points)| sparse(points as f64))
+            .sum();
+        // What stands upright has seeds above each other.
+        let layers = SEEDS_TO_SPARE * points_out as f64 / all_sparse;
+        Ok(spill
+            .squares()
+            .map(|(place, points)| {
+                let held = kept.get(&place).map_or(points, |&kept| kept.min(points));
+                let seeds = f64::max(points as f64 * mean, layers * sparse(points as f64));
+                Square {
+                    place,
+                    points,
+                    cost: bytes_of(held as f64, seeds).ceil() as u64,
+                }
+            })
+            .collect())
+    }
+
+    /// Of squares of edge `edge` that hold more points than a scan of a plane keeps:
+    /// how many it does keep.
+    fn kept(&self, edge: f64, options: &Options) -> Result<HashMap<[i64; 2], u64>, JobError> {
+        let (spill, lattice) = (self.spill, &self.survey.lattice);
+        let most = Scan::most_on_square(edge, lattice, options);
+        let mut crowded: Vec<([i64; 2], CellKey)> = Vec::new();
+        let mut of_cell: HashMap<CellKey, u64> = HashMap::new();
+        let grid = spill.grid();
+        for (place, points) in spill.squares() {
+            let cell = grid.cell_of_square(place);
+            *of_cell.entry(cell).or_default() += points;
+            if points as f64 > most {
+                crowded.push((place, cell));
+            }
+        }
+        let mut looked_into: Vec<_> = crowded
+            .into_iter()
+            .map(|(place, cell)| match of_cell[&cell] > LARGE_CELL {
+                true => grid.rect_of_square(place),
+                false => grid.rect(cell),
+            })
+            .collect();
+        looked_into.sort_unstable_by_key(|rect| rect.min);
+        looked_into.dedup();
+        let mut kept = HashMap::new();
+        let most = points_for(self.budget.tile());
+        for rect in looked_into {
+            let points = gather_points(spill, &rect, lattice, options, CROWD.min(most))?;
+            for point in Scan::thinned(points, lattice, options) {
+                *kept.entry(grid.square_of(point)).or_default() += 1;
+            }
+        }
+        Ok(kept)
+    }
+}
