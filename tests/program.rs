@@ -3,81 +3,11 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-    process::Output,
-};
+mod running;
 
-use assert_cmd::Command;
-use las::Reader;
+use std::{fs, path::Path};
 
-fn lloydar(arguments: &[&str]) -> Output {
-    Command::cargo_bin("lloydar")
-        .unwrap()
-        .args(arguments)
-        .env("SOURCE_DATE_EPOCH", "1700000000")
-        .timeout(std::time::Duration::from_secs(300))
-        .output()
-        .unwrap()
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
-
-/// Simulates a short street of 300 000 points in two files.
-fn street(dir: &Path) -> PathBuf {
-    let scans = dir.join("scans");
-    let done = lloydar(&[
-        "simulate",
-        "--length",
-        "60",
-        "--points",
-        "300K",
-        "-o",
-        text(&scans),
-    ]);
-    assert!(
-        done.status.success(),
-        "{}",
-        String::from_utf8_lossy(&done.stderr)
-    );
-    scans
-}
-
-fn run(scans: &Path, output: &Path, more: &[&str]) -> Output {
-    let mut arguments = vec!["run", text(scans), "-o", text(output), "--quiet"];
-    arguments.extend(more);
-    lloydar(&arguments)
-}
-
-fn succeed(scans: &Path, output: &Path, more: &[&str]) {
-    let done = run(scans, output, more);
-    assert!(
-        done.status.success(),
-        "{more:?}: {}",
-        String::from_utf8_lossy(&done.stderr)
-    );
-}
-
-/// Sorted coordinates, as stored.
-fn points(path: &Path) -> Vec<[i32; 3]> {
-    let all = Reader::from_path(path).unwrap().read_all().unwrap();
-    let mut points: Vec<[i32; 3]> = all
-        .x_raw()
-        .zip(all.y_raw())
-        .zip(all.z_raw())
-        .map(|((x, y), z)| [x, y, z])
-        .collect();
-    points.sort_unstable();
-    points
-}
-
-fn report(output: &Path) -> serde_json::Value {
-    let path = format!("{}.report.json", output.display());
-    serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
-}
+use running::{lloydar, points, report, run, street, succeed, text};
 
 #[test]
 fn tiles_threads_and_memory_do_not_show() {

@@ -1,5 +1,6 @@
 //! The commands, and what they print.
 
+mod printing;
 mod simulating;
 mod terminal;
 
@@ -20,6 +21,7 @@ use lloydar::{
     report::{Report, figure, thousands},
 };
 
+use printing::{result, say};
 use simulating::Simulation;
 use terminal::{Look, Terminal};
 
@@ -127,11 +129,18 @@ static CANCEL: AtomicBool = AtomicBool::new(false);
 
 /// Runs the command line; the only place where a program ends.
 pub(crate) fn main() -> ExitCode {
+    let loud = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !lloydar::las::is_decoding() {
+            loud(panic);
+        }
+    }));
     let arguments = Arguments::parse();
     match run(arguments.command) {
+        Ok(_) if !printing::is_complete() => ExitCode::from(FAILED),
         Ok(code) => ExitCode::from(code),
         Err(error) => {
-            eprintln!("lloydar: {error}");
+            say!("lloydar: {error}");
             ExitCode::from(if error.is_usage() {
                 USAGE
             } else if error.is_cancelled() {
@@ -207,7 +216,7 @@ fn run_and_report(job: &Job, look: Look) -> Result<u8, JobError> {
     let outcome = job.run(&terminal, &CANCEL, |outcome| {
         let report = Report::new(outcome, &job.output.display().to_string(), settings(job));
         summary = format!(
-            "{} points, {} apart: {}\n{}report    {}.report.html\n",
+            "{} points, {} apart: {}\n{}report    {}.report.html",
             thousands(report.points),
             figure(report.spacing),
             report.output,
@@ -218,12 +227,12 @@ fn run_and_report(job: &Job, look: Look) -> Result<u8, JobError> {
     })?;
     let Some(outcome) = outcome else {
         if look != Look::Nothing {
-            println!("{} is complete already", job.output.display());
+            result!("{} is complete already", job.output.display());
         }
         return Ok(0);
     };
     if look != Look::Nothing {
-        print!("{summary}");
+        result!("{summary}");
     }
     let is_whole = |input: &InputCount| input.rejected == 0 && input.left_out.is_none();
     Ok(if outcome.inputs.iter().all(is_whole) {
@@ -279,7 +288,7 @@ fn measure_cloud(
         measured.truth = Some(figures);
     }
     if json {
-        println!(
+        result!(
             "{}",
             serde_json::to_string_pretty(&measured).unwrap_or_default()
         );
@@ -323,7 +332,7 @@ fn measure_cloud(
         ]);
     }
     for (name, value) in rows {
-        println!("{name:<24} {value}");
+        result!("{name:<24} {value}");
     }
     Ok(0)
 }
@@ -335,7 +344,7 @@ fn print_info(files: &[PathBuf]) -> Result<u8, JobError> {
         match lloydar::las::InputFile::survey(&path) {
             Ok(input) => print_input(&input),
             Err(error) => {
-                eprintln!("lloydar: {error}");
+                say!("lloydar: {error}");
                 code = FAILED;
             }
         }
@@ -346,26 +355,29 @@ fn print_info(files: &[PathBuf]) -> Result<u8, JobError> {
 fn print_input(input: &lloydar::las::InputFile) {
     let [major, minor] = input.version;
     let kind = if input.is_compressed() { "LAZ" } else { "LAS" };
-    println!("{}", input.path.display());
-    println!(
+    result!("{}", input.path.display());
+    result!(
         "  {kind} {major}.{minor}, format {}, {} bytes",
         input.format_number(),
         thousands(input.bytes)
     );
-    println!("  points   {}", thousands(input.points_claimed));
+    result!("  points   {}", thousands(input.points_claimed));
     let [min, max] = input.bounds;
     for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
-        println!(
+        result!(
             "  {name}        {} to {}, scale {}, offset {}",
-            min[axis], max[axis], input.scale[axis], input.offset[axis]
+            min[axis],
+            max[axis],
+            input.scale[axis],
+            input.offset[axis]
         );
     }
     let area = (max[0] - min[0]) * (max[1] - min[1]);
-    println!(
+    result!(
         "  density  {} points to the square unit of its bounds",
         figure(input.points_claimed as f64 / area)
     );
-    println!(
+    result!(
         "  CRS      {}",
         input
             .crs
@@ -373,21 +385,21 @@ fn print_input(input: &lloydar::las::InputFile) {
             .map_or("none".into(), lloydar::las::Crs::name)
     );
     for extra in &input.extra_bytes {
-        println!("  extra    {} ({} bytes)", extra.name, extra.length);
+        result!("  extra    {} ({} bytes)", extra.name, extra.length);
     }
     for note in &input.notes {
-        println!("  note     {note}");
+        result!("  note     {note}");
     }
 }
 
 fn plan_job(scans: &Scans, output: &Path, json: bool) -> Result<u8, JobError> {
     let job = job(scans, output)?;
     let Some(plan) = job.plan(&Quiet, &CANCEL)? else {
-        println!("{} is complete already", output.display());
+        result!("{} is complete already", output.display());
         return Ok(0);
     };
     if json {
-        println!(
+        result!(
             "{}",
             serde_json::to_string_pretty(&plan).unwrap_or_default()
         );
@@ -413,7 +425,7 @@ fn print_plan(plan: &JobPlan) {
         ("time, roughly", format!("{:.0} s", plan.seconds)),
     ];
     for (name, value) in rows {
-        println!("{name:<20} {value}");
+        result!("{name:<20} {value}");
     }
 }
 
@@ -428,7 +440,7 @@ fn stop_on_signals() {
         if CANCEL.swap(true, Ordering::Relaxed) {
             std::process::exit(STOPPED.into());
         }
-        eprintln!("stopping; the same command will go on from here");
+        say!("stopping; the same command will go on from here");
         std::thread::spawn(|| {
             std::thread::sleep(GRACE);
             std::process::exit(STOPPED.into());

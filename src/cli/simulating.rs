@@ -11,7 +11,7 @@ use lloydar::{
 };
 use rayon::prelude::*;
 
-use super::terminal::Look;
+use super::{printing::result, terminal::Look};
 
 /// What street is simulated.
 #[derive(clap::Args)]
@@ -52,7 +52,7 @@ pub(super) fn simulate(simulation: &Simulation, output: &Path) -> Result<u8, Job
         seed: simulation.seed,
     });
     for (path, points) in write_street(&street, simulation.passes, output)? {
-        println!("{} points: {}", points, path.display());
+        result!("{} points: {}", points, path.display());
     }
     let path = output.join(TRUTH);
     let text = serde_json::to_string_pretty(street.options()).unwrap_or_default();
@@ -83,7 +83,7 @@ pub(super) fn street_of(dir: &Path) -> Result<Street, JobError> {
 /// Simulates a street and resamples it, as anyone would with own data.
 pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
     let scans = output.join("scans");
-    println!("simulating a street: 2 400 000 points in 3 passes");
+    result!("simulating a street: 2 400 000 points in 3 passes");
     let street = Street::new(StreetOptions {
         length: 100.0,
         passes: 3,
@@ -92,7 +92,7 @@ pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
     });
     write_street(&street, 3, &scans)?;
     let cloud = output.join("street.laz");
-    println!(
+    result!(
         "lloydar run {} -o {} --spacing 0.2 --memory 256MiB",
         scans.display(),
         cloud.display()

@@ -14,6 +14,8 @@ use lloydar::{
     report::thousands,
 };
 
+use super::printing::say;
+
 /// How progress is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Look {
@@ -80,14 +82,14 @@ impl Terminal {
                     "total": stage.total, "seconds": seconds,
                     "remaining": stage.remaining(),
                 });
-                eprintln!("{line}");
+                say!("{line}");
             }
             Look::Lines => {
                 let rest = match stage.remaining() {
                     Some(rest) if event == "progress" => format!(", about {rest:.0} s to go"),
                     _ => String::new(),
                 };
-                eprintln!(
+                say!(
                     "{:<8} {} of {} {} in {seconds:.1} s{rest}",
                     stage.name,
                     thousands(stage.done),
@@ -170,9 +172,9 @@ impl Progress for Terminal {
 
     fn note(&self, text: &str) {
         match self.look {
-            Look::Json => eprintln!("{}", serde_json::json!({ "event": "note", "text": text })),
+            Look::Json => say!("{}", serde_json::json!({ "event": "note", "text": text })),
             Look::Nothing => {}
-            Look::Bars | Look::Lines => eprintln!("{text}"),
+            Look::Bars | Look::Lines => say!("{text}"),
         }
     }
 }

@@ -39,8 +39,6 @@ pub struct OccupiedCells {
     base: CellIndex,
     /// … and the last.
     top: CellIndex,
-    /// Bits of a brick's key for its place on each axis.
-    bits: [u32; 3],
     bricks: Vec<Brick>,
     /// Points `starts[k]..starts[k + 1]` lie in the k-th occupied cell.
     starts: Vec<u32>,
@@ -50,7 +48,8 @@ pub struct OccupiedCells {
 
 #[derive(Debug, Clone, Copy)]
 struct Brick {
-    key: u64,
+    /// Where it lies: whole bricks from the local origin.
+    index: CellIndex,
     /// Bit x + 4 y + 16 z stands for a cell.
     occupied: u64,
     /// Number of occupied cells before this brick's.
@@ -71,8 +70,7 @@ impl OccupiedCells {
     ///
     /// # Panics
     ///
-    /// Unless there are fewer than 2³² points, in a box of fewer than 2⁵⁸
-    /// bricks (a tile's are).
+    /// Unless there are fewer than 2³² points.
     pub fn sort<P: Sync>(
         points: &[P],
         cell_of: impl Fn(&P) -> CellIndex + Sync,
@@ -93,43 +91,32 @@ impl OccupiedCells {
             .par_iter()
             .map(|point| (brick_of(point), brick_of(point)))
             .reduce(nothing, wider);
-        let bits = [0, 1, 2].map(|axis| {
-            let last = i64::from(top[axis]) - i64::from(base[axis]);
-            (last.max(0) as u64 + 1)
-                .next_power_of_two()
-                .trailing_zeros()
-        });
-        let key_bits = bits.iter().sum::<u32>() + CELL_BITS;
-        assert!(key_bits <= u64::BITS, "a tile of 2^{key_bits} cells");
-        let keyed = points.par_iter().zip(0..count).map(|(point, place)| {
-            let index = cell_of(point);
-            let brick = index.map(|c| c >> BRICK_SHIFT);
-            let brick = brick_key(brick, base, bits).expect("between the first and the last");
-            (brick << CELL_BITS | u64::from(bit_of(index)), place)
-        });
-        // One word to a point, if there is room for the key and the place, sorts
-        // several times as fast.
-        let place_bits = u32::BITS - count.leading_zeros();
         let mut occupied = Self {
             base,
             top,
-            bits,
             bricks: Vec::new(),
             starts: Vec::new(),
             table: Vec::new(),
         };
-        let order = if key_bits + place_bits <= u64::BITS {
-            let mut words: Vec<u64> = keyed
-                .map(|(key, place)| key << place_bits | u64::from(place))
-                .collect();
+        let packing = Packing::of(base, top);
+        // One word to a point, if there is room for its cell and its place, sorts
+        // several times as fast.
+        let place_bits = u32::BITS - count.leading_zeros();
+        let order = if packing.cell_bits() + place_bits <= u64::BITS {
+            let word = |(point, place): (&P, u32)| {
+                (packing.cell(cell_of(point)) as u64) << place_bits | u64::from(place)
+            };
+            let mut words: Vec<u64> = points.par_iter().zip(0..count).map(word).collect();
             words.par_sort_unstable();
-            occupied.group(words.iter().map(|word| word >> place_bits));
+            let cells = words.iter().map(|word| u128::from(word >> place_bits));
+            occupied.group(cells, &packing);
             let mask = (1 << place_bits) - 1;
             words.par_iter().map(|word| (word & mask) as u32).collect()
         } else {
-            let mut pairs: Vec<(u64, u32)> = keyed.collect();
+            let pair = |(point, place): (&P, u32)| (packing.cell(cell_of(point)), place);
+            let mut pairs: Vec<(u128, u32)> = points.par_iter().zip(0..count).map(pair).collect();
             pairs.par_sort_unstable();
-            occupied.group(pairs.iter().map(|&(key, _)| key));
+            occupied.group(pairs.iter().map(|&(cell, _)| cell), &packing);
             pairs.into_iter().map(|(_, place)| place).collect()
         };
         (occupied, order)
@@ -154,25 +141,28 @@ impl OccupiedCells {
         (occupied, sorted)
     }
 
-    /// Makes bricks and ranges of the sorted `keys` of points.
-    fn group(&mut self, keys: impl Iterator<Item = u64>) {
+    /// Makes bricks and ranges of the sorted `cells` of points.
+    fn group(&mut self, cells: impl Iterator<Item = u128>, packing: &Packing) {
         let (bricks, starts) = (&mut self.bricks, &mut self.starts);
-        let (mut last, mut count) = (None, 0_u32);
-        for key in keys {
+        let (mut last, mut last_brick, mut count) = (None, None, 0_u32);
+        for cell in cells {
             let start = count;
             count += 1;
-            if last == Some(key) {
+            if last == Some(cell) {
                 continue;
             }
-            last = Some(key);
-            let (brick, bit) = (key >> CELL_BITS, 1 << (key & ((1 << CELL_BITS) - 1)));
-            match bricks.last_mut() {
-                Some(current) if current.key == brick => current.occupied |= bit,
-                _ => bricks.push(Brick {
-                    key: brick,
-                    occupied: bit,
+            last = Some(cell);
+            let brick = cell >> CELL_BITS;
+            if last_brick != Some(brick) {
+                last_brick = Some(brick);
+                bricks.push(Brick {
+                    index: packing.brick(brick),
+                    occupied: 0,
                     first: starts.len() as u32,
-                }),
+                });
+            }
+            if let Some(brick) = bricks.last_mut() {
+                brick.occupied |= 1 << (cell as u32 & ((1 << CELL_BITS) - 1));
             }
             starts.push(start);
         }
@@ -255,22 +245,64 @@ impl OccupiedCells {
         self.starts[place] as usize..self.starts[place + 1] as usize
     }
 
-    fn brick(&self, brick: CellIndex) -> Option<&Brick> {
-        let key = brick_key(brick, self.base, self.bits)?;
+    fn brick(&self, index: CellIndex) -> Option<&Brick> {
         let mask = self.table.len() - 1;
-        let mut slot = spread(key) as usize & mask;
+        let mut slot = hash(index) & mask;
         loop {
             match self.table[slot] {
                 EMPTY => return None,
                 place => {
                     let brick = &self.bricks[place as usize];
-                    if brick.key == key {
+                    if brick.index == index {
                         return Some(brick);
                     }
                 }
             }
             slot = (slot + 1) & mask;
         }
+    }
+}
+
+/// Cells of a box of bricks as integers that sort by brick (z, y, x), then by the place
+/// in the brick.
+struct Packing {
+    base: CellIndex,
+    /// Bits of a brick's place on each axis.
+    bits: [u32; 3],
+}
+
+impl Packing {
+    fn of(base: CellIndex, top: CellIndex) -> Self {
+        let bits = [0, 1, 2].map(|axis| {
+            let last = i64::from(top[axis]) - i64::from(base[axis]);
+            (last.max(0) as u64 + 1)
+                .next_power_of_two()
+                .trailing_zeros()
+        });
+        Self { base, bits }
+    }
+
+    /// Bits that a cell takes: 102 at the most.
+    fn cell_bits(&self) -> u32 {
+        self.bits.iter().sum::<u32>() + CELL_BITS
+    }
+
+    fn cell(&self, index: CellIndex) -> u128 {
+        let mut packed = 0;
+        for axis in [2, 1, 0] {
+            let brick = i64::from(index[axis] >> BRICK_SHIFT) - i64::from(self.base[axis]);
+            packed = packed << self.bits[axis] | brick as u128;
+        }
+        packed << CELL_BITS | u128::from(bit_of(index))
+    }
+
+    /// Where the brick lies whose cells begin with `packed`.
+    fn brick(&self, mut packed: u128) -> CellIndex {
+        [0, 1, 2].map(|axis| {
+            let place = packed & ((1 << self.bits[axis]) - 1);
+            packed >>= self.bits[axis];
+            (i64::from(self.base[axis]) + place as i64) as i32
+        })
     }
 }
 
@@ -293,7 +325,7 @@ fn hash_table(bricks: &[Brick]) -> Vec<u32> {
     let mut table = vec![EMPTY; (2 * bricks.len()).next_power_of_two().max(2)];
     let mask = table.len() - 1;
     for (place, brick) in (0u32..).zip(bricks) {
-        let mut slot = spread(brick.key) as usize & mask;
+        let mut slot = hash(brick.index) & mask;
         while table[slot] != EMPTY {
             slot = (slot + 1) & mask;
         }
@@ -308,18 +340,11 @@ fn bit_of(index: CellIndex) -> u32 {
     x | y << BRICK_SHIFT | z << (2 * BRICK_SHIFT)
 }
 
-/// Three brick indices in one integer that sorts by z, y, x; `None` if the
-/// brick is out of range of `base`.
-fn brick_key(brick: CellIndex, base: CellIndex, bits: [u32; 3]) -> Option<u64> {
-    let mut key = 0u64;
-    for axis in [2, 1, 0] {
-        let from_base = i64::from(brick[axis]) - i64::from(base[axis]);
-        if !(0..1 << bits[axis]).contains(&from_base) {
-            return None;
-        }
-        key = key << bits[axis] | from_base as u64;
-    }
-    Some(key)
+/// Where to look for a brick in the table.
+fn hash([x, y, z]: CellIndex) -> usize {
+    let [x, y, z] = [x, y, z].map(|c| u64::from(c as u32));
+    // An odd factor keeps layers apart.
+    spread((x << 32 | y) ^ z.wrapping_mul(0x9e37_79b9_7f4a_7c15)) as usize
 }
 
 /// A hash of `key` whose every bit depends on every bit of it (the finaliser
@@ -366,5 +391,29 @@ mod tests {
             assert!(range.any(|place| order[place] as usize == i));
         }
         assert!(occupied.range([100, 0, 0]).is_empty());
+    }
+
+    /// As a stray return, or damage, scatters them: too far apart for one word.
+    #[test]
+    fn cells_at_the_ends_of_the_range_are_found() {
+        let ends = [i32::MIN, -1_000_000_007, -1, 0, 77, 2_000_000_011, i32::MAX];
+        let cells: Vec<CellIndex> = (0..343_usize)
+            .map(|i| [ends[i % 7], ends[i / 7 % 7], ends[i / 49]])
+            .collect();
+        let (occupied, order) = OccupiedCells::sort(&cells, |&cell| cell);
+        assert_eq!(occupied.len(), 343);
+        for (i, &cell) in cells.iter().enumerate() {
+            let range = occupied.range(cell);
+            assert!(
+                range.len() == 1 && order[range.start] as usize == i,
+                "{cell:?}"
+            );
+        }
+        assert!(occupied.range([1, 1, 1]).is_empty());
+        let sorted = order
+            .iter()
+            .map(|&i| cells[i as usize].map(|c| c >> BRICK_SHIFT));
+        let bricks: Vec<[i32; 3]> = sorted.map(|[x, y, z]| [z, y, x]).collect();
+        assert!(bricks.is_sorted());
     }
 }

@@ -6,6 +6,8 @@
 //! copied whole, so that no attribute can be lost on the way.
 
 mod crs;
+mod guard;
+mod header;
 mod inputs;
 mod ply;
 mod reading;
@@ -13,6 +15,7 @@ mod record;
 mod writing;
 
 pub use crs::Crs;
+pub use guard::is_decoding;
 pub use inputs::expand_inputs;
 pub use ply::{PlyFile, PlyStream};
 pub use reading::{InputFile, PointStream};

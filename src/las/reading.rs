@@ -6,33 +6,32 @@
 
 use std::{
     fs::File,
-    io::{BufReader, Read, Seek, SeekFrom},
     ops::Range,
-    panic::{AssertUnwindSafe, catch_unwind},
     path::{Path, PathBuf},
 };
 
 use ::las::{
-    LazParallelism, PointData, PointDataBuilder, Reader, ReaderOptions, Vlr, point::Format, raw,
+    LazParallelism, PointData, PointDataBuilder, Reader, ReaderOptions, Vlr, point::Format,
 };
 
 use super::{
     Crs, ExtraByte, LasError, RecordFormat,
+    guard::{GuardedFile, guarded},
+    header::{extended_records, read_header, text_of},
     record::{Converter, DESCRIPTOR_BYTES},
 };
 use crate::{geometry::Lattice, tile::PointCounts};
 
-/// Points decoded at a time.
+/// Points decoded at a time …
 const BATCH: u64 = 65_536;
+/// … unless they are long: bytes decoded at a time.
+const BATCH_BYTES: u64 = 4 << 20;
+/// Scales that can be meant, in CRS units: from far below an atom to a planet.
+const SCALES: std::ops::RangeInclusive<f64> = 1e-12..=1e6;
+/// The farthest offset that can be meant, likewise.
+const FARTHEST_OFFSET: f64 = 1e12;
 /// Parts of a file at the most.
 const MOST_PARTS: u64 = 4096;
-/// Length of a public header block of LAS 1.0 to 1.2; later ones are longer.
-const SHORTEST_HEADER: u64 = 227;
-/// Length of the header of a variable length record, and of an extended one.
-const VLR_HEADER: u64 = 54;
-const EVLR_HEADER: u64 = 60;
-/// Longest extended record that is read: a CRS is a few thousand bytes.
-const LONGEST_EVLR: u64 = 16 << 20;
 
 /// What the headers of a file say.
 #[derive(Clone, Debug)]
@@ -92,8 +91,9 @@ impl InputFile {
             header.z_scale_factor,
         ];
         let offset = [header.x_offset, header.y_offset, header.z_offset];
-        if !scale.iter().all(|s| s.is_finite() && *s > 0.0) || !offset.iter().all(|o| o.is_finite())
-        {
+        let is_sound = scale.iter().all(|s| SCALES.contains(s))
+            && offset.iter().all(|o| o.abs() <= FARTHEST_OFFSET);
+        if !is_sound {
             return Err(wrong(format!(
                 "a scale of {scale:?} with an offset of {offset:?} places no point; \
                  the header is damaged"
@@ -116,7 +116,7 @@ impl InputFile {
             crs: None,
             extra_bytes: Vec::new(),
             has_standard_time: header.global_encoding & 1 == 1,
-            generating_software: lossy(&header.generating_software),
+            generating_software: text_of(&header.generating_software),
             notes: Vec::new(),
             format,
             stride: None,
@@ -125,13 +125,13 @@ impl InputFile {
         let las = reader.header().clone();
         input.format = *las.point_format();
         input.points_claimed = las.number_of_points();
-        let rest = rest_of_evlrs(path, &header).unwrap_or_else(|| {
+        let extended = extended_records(path, &header).unwrap_or_else(|| {
             input
                 .notes
                 .push("some extended variable length records cannot be read".into());
             Vec::new()
         });
-        let vlrs: Vec<&Vlr> = las.all_vlrs().chain(&rest).collect();
+        let vlrs: Vec<&Vlr> = las.all_vlrs().chain(&extended).collect();
         input.crs = Crs::from_vlrs(vlrs.iter().copied());
         input.extra_bytes = extra_bytes(&vlrs, input.format.extra_bytes.into(), &mut input.notes);
         if !input.format.is_compressed {
@@ -192,15 +192,19 @@ impl InputFile {
             .collect()
     }
 
+    fn batch_points(&self) -> u64 {
+        BATCH.min(BATCH_BYTES / u64::from(self.format.len())).max(1)
+    }
+
     /// Reads over the first `points` of a file in which they cannot be jumped over;
     /// whether there are so many.
     fn skips(&self, reader: &mut Reader, points: u64) -> Result<bool, LasError> {
         *reader = self.open()?;
         let mut left = points;
         while left > 0 {
-            let read = catch_unwind(AssertUnwindSafe(|| reader.read_points(left.min(BATCH))));
+            let read = guarded(|| reader.read_points(left.min(self.batch_points())));
             match read {
-                Ok(Ok(batch)) if !batch.is_empty() => left -= batch.len() as u64,
+                Some(Ok(batch)) if !batch.is_empty() => left -= batch.len() as u64,
                 _ => return Ok(false),
             }
         }
@@ -226,7 +230,7 @@ impl InputFile {
     /// Bounds of `first` and all points that `reader` still gives.
     fn bounds_of_points(&self, first: [[f64; 3]; 2], reader: &mut Reader) -> [[f64; 3]; 2] {
         let mut bounds = first;
-        while let Some([min, max]) = self.bounds_of_next(reader, BATCH) {
+        while let Some([min, max]) = self.bounds_of_next(reader, self.batch_points()) {
             for axis in 0..3 {
                 bounds[0][axis] = bounds[0][axis].min(min[axis]);
                 bounds[1][axis] = bounds[1][axis].max(max[axis]);
@@ -238,8 +242,8 @@ impl InputFile {
     /// Bounds of the next points, up to `wanted`; `None` at the end and where
     /// the file is damaged, which is told when it is read.
     fn bounds_of_next(&self, reader: &mut Reader, wanted: u64) -> Option<[[f64; 3]; 2]> {
-        let read = catch_unwind(AssertUnwindSafe(|| reader.read_points(wanted)));
-        let batch = read.ok()?.ok().filter(|batch| !batch.is_empty())?;
+        let read = guarded(|| reader.read_points(wanted));
+        let batch = read?.ok().filter(|batch| !batch.is_empty())?;
         let mut bounds = [[i32::MAX; 3], [i32::MIN; 3]];
         for raw in batch.raw_bytes().chunks_exact(batch.record_len()) {
             for (axis, stored) in stored(raw).into_iter().enumerate() {
@@ -275,138 +279,19 @@ impl InputFile {
         // Parts of files are decoded in parallel, by a reader each: the parallel
         // decoder holds whole chunks, and some files are a single one.
         let options = ReaderOptions::default().with_laz_parallelism(LazParallelism::No);
-        let open = || Reader::with_options(BufReader::with_capacity(1 << 20, file), options);
-        match catch_unwind(AssertUnwindSafe(open)) {
-            Ok(Ok(reader)) => Ok(reader),
-            Ok(Err(error)) => Err(LasError::new(
+        let open = || Reader::with_options(GuardedFile::new(file)?, options);
+        match guarded(open) {
+            Some(Ok(reader)) => Ok(reader),
+            Some(Err(error)) => Err(LasError::new(
                 &self.path,
                 format!("cannot be opened: {error}; the file is damaged or truncated"),
             )),
-            Err(_) => Err(LasError::new(
+            None => Err(LasError::new(
                 &self.path,
                 "cannot be opened: the file is damaged",
             )),
         }
     }
-}
-
-/// The public header block, after a look at whether the file can hold what it
-/// announces: the reader of records would allocate and loop by it.
-fn read_header(path: &Path, bytes: u64) -> Result<raw::Header, LasError> {
-    let wrong = |problem: String| LasError::new(path, problem);
-    if bytes == 0 {
-        return Err(wrong("is empty (0 bytes)".into()));
-    }
-    let file = File::open(path).map_err(|e| wrong(format!("cannot be read: {e}")))?;
-    let mut file = BufReader::new(file);
-    let mut signature = Vec::new();
-    file.by_ref()
-        .take(4)
-        .read_to_end(&mut signature)
-        .map_err(|e| wrong(format!("cannot be read: {e}")))?;
-    if signature != b"LASF" {
-        let guess = if signature.starts_with(b"ply") {
-            "; it looks like PLY, which is not read as input yet"
-        } else {
-            ""
-        };
-        return Err(wrong(format!("is no LAS or LAZ file{guess}")));
-    }
-    if bytes < SHORTEST_HEADER {
-        return Err(wrong(format!(
-            "is truncated: {bytes} bytes, and the header alone takes {SHORTEST_HEADER}"
-        )));
-    }
-    let header = file
-        .rewind()
-        .map_err(::las::Error::from)
-        .and_then(|()| raw::Header::read_from(&mut file))
-        .map_err(|e| wrong(format!("has no readable header: {e}")))?;
-    let version = header.version;
-    if version.major != 1 || version.minor > 4 {
-        return Err(wrong(format!(
-            "is LAS {}.{}; versions 1.0 to 1.4 are read",
-            version.major, version.minor
-        )));
-    }
-    let (offset, size) = (
-        u64::from(header.offset_to_point_data),
-        u64::from(header.header_size),
-    );
-    if offset > bytes || size > offset {
-        return Err(wrong(format!(
-            "is truncated or damaged: points should start at byte {offset}, after a header of \
-             {size}, in a file of {bytes}"
-        )));
-    }
-    let records = u64::from(header.number_of_variable_length_records);
-    if records * VLR_HEADER > offset - size {
-        return Err(wrong(format!(
-            "is damaged: {records} variable length records cannot stand in {} bytes",
-            offset - size
-        )));
-    }
-    check_vlr_lengths(&mut file, &header).map_err(wrong)?;
-    Ok(header)
-}
-
-/// Walks over the variable length records: none may reach beyond the points.
-fn check_vlr_lengths(file: &mut BufReader<File>, header: &raw::Header) -> Result<(), String> {
-    let end = u64::from(header.offset_to_point_data);
-    let mut at = u64::from(header.header_size);
-    for number in 0..header.number_of_variable_length_records {
-        let mut head = [0; VLR_HEADER as usize];
-        file.seek(SeekFrom::Start(at))
-            .and_then(|_| file.read_exact(&mut head))
-            .map_err(|e| format!("variable length record {number} cannot be read: {e}"))?;
-        at += VLR_HEADER + u64::from(u16::from_le_bytes([head[20], head[21]]));
-        if at > end {
-            return Err(format!(
-                "is damaged: variable length record {number} reaches to byte {at}, points start \
-                 at {end}"
-            ));
-        }
-    }
-    Ok(())
-}
-
-/// The extended records after the first, which the reader leaves out; `None`
-/// if they cannot be read.
-fn rest_of_evlrs(path: &Path, header: &raw::Header) -> Option<Vec<Vlr>> {
-    let Some(evlr) = header.evlr.filter(|evlr| evlr.number_of_evlrs > 1) else {
-        return Some(Vec::new());
-    };
-    let mut file = File::open(path).ok()?;
-    let bytes = file.metadata().ok()?.len();
-    let mut at = evlr.start_of_first_evlr;
-    let mut vlrs = Vec::new();
-    for number in 0..evlr.number_of_evlrs {
-        let mut head = [0; EVLR_HEADER as usize];
-        file.seek(SeekFrom::Start(at)).ok()?;
-        file.read_exact(&mut head).ok()?;
-        let length = u64::from_le_bytes(head[20..28].try_into().ok()?);
-        at = at.checked_add(EVLR_HEADER)?.checked_add(length)?;
-        if at > bytes {
-            return None;
-        }
-        // Hierarchies and wave packets may be huge, and are of no use here.
-        if number > 0 && length <= LONGEST_EVLR {
-            let mut data = Vec::new();
-            file.by_ref().take(length).read_to_end(&mut data).ok()?;
-            vlrs.push(Vlr {
-                user_id: lossy(&head[2..18]),
-                record_id: u16::from_le_bytes([head[18], head[19]]),
-                description: lossy(&head[28..60]),
-                data,
-            });
-        }
-    }
-    Some(vlrs)
-}
-
-fn lossy(bytes: &[u8]) -> String {
-    let end = bytes.iter().position(|&b| b == 0).unwrap_or(bytes.len());
-    String::from_utf8_lossy(&bytes[..end]).into_owned()
 }
 
 /// The extra bytes that the records describe, and one more for those that no
@@ -445,8 +330,9 @@ pub struct PointStream {
     converter: Converter,
     part: Range<u64>,
     claimed: u64,
-    /// Points read so far.
+    /// Points read so far, and at a time.
     read: u64,
+    batch_points: u64,
     /// Bounds that the header claims, in the file's own stored units.
     bounds: [[f64; 3]; 2],
 }
@@ -470,7 +356,7 @@ impl PointStream {
             return Err(LasError::new(
                 &input.path,
                 format!(
-                    "is damaged: point {} of {} is not found; repair it or leave it out",
+                    "is damaged: point {} of {} is not found",
                     part.start, input.points_claimed
                 ),
             ));
@@ -483,6 +369,7 @@ impl PointStream {
             claimed: input.points_claimed,
             reader,
             read: 0,
+            batch_points: input.batch_points(),
             bounds: input.bounds.map(|corner| {
                 [0, 1, 2].map(|axis| (corner[axis] - input.offset[axis]) / input.scale[axis])
             }),
@@ -498,19 +385,18 @@ impl PointStream {
     pub fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<PointCounts, LasError> {
         records.clear();
         let mut counts = PointCounts::default();
-        let wanted = BATCH.min(self.part.end - self.part.start - self.read);
+        let wanted = self
+            .batch_points
+            .min(self.part.end - self.part.start - self.read);
         if wanted == 0 {
             return Ok(counts);
         }
         let (reader, batch) = (&mut self.reader, &mut self.batch);
-        // Some corruption makes the decoder panic, not fail: bad data all the
-        // same, and the reader is not used again.
-        let outcome = catch_unwind(AssertUnwindSafe(|| reader.fill_points(wanted, batch)));
-        let read = match outcome {
-            Ok(Ok(read)) if read > 0 => read,
-            Ok(Ok(_)) => return Err(self.broken("no more points")),
-            Ok(Err(error)) => return Err(self.broken(&error.to_string())),
-            Err(_) => return Err(self.broken("the decoder gave up")),
+        let read = match guarded(|| reader.fill_points(wanted, batch)) {
+            Some(Ok(read)) if read > 0 => read,
+            Some(Ok(_)) => return Err(self.broken("no more points")),
+            Some(Err(error)) => return Err(self.broken(&error.to_string())),
+            None => return Err(self.broken("the decoder gave up")),
         };
         for raw in self.batch.raw_bytes().chunks_exact(self.batch.record_len()) {
             if !self.converter.convert(raw, records) {
@@ -527,7 +413,7 @@ impl PointStream {
         LasError::new(
             &self.path,
             format!(
-                "is truncated or damaged after point {} of {}: {why}; repair it or leave it out",
+                "is truncated or damaged after point {} of {}: {why}",
                 self.part.start + self.read,
                 self.claimed
             ),
@@ -537,8 +423,7 @@ impl PointStream {
 
 /// Goes on reading at `point`; whether the reader finds it.
 fn finds(reader: &mut Reader, point: u64) -> bool {
-    let seek = catch_unwind(AssertUnwindSafe(|| reader.seek(point)));
-    matches!(seek, Ok(Ok(())))
+    matches!(guarded(|| reader.seek(point)), Some(Ok(())))
 }
 
 /// The coordinates of a record, as stored.

@@ -1,7 +1,5 @@
 //! What ends a job, and what to do about it.
 
-use std::path::PathBuf;
-
 use serde::{Deserialize, Serialize};
 
 use crate::{config::ConfigError, las::LasError, tile::TileError};
@@ -23,7 +21,7 @@ pub enum JobError {
     #[error(
         "{} cannot be read:\n{}repair or remove {}, or give --on-bad-file skip to go on without",
         files(.0.len()),
-        .0.iter().map(|bad| format!("  {}: {}\n", bad.path.display(), bad.reason)).collect::<String>(),
+        .0.iter().map(|bad| format!("  {}: {}\n", bad.path, bad.reason)).collect::<String>(),
         if .0.len() == 1 { "it" } else { "them" }
     )]
     BadFiles(Vec<LeftOut>),
@@ -48,8 +46,8 @@ pub enum JobError {
 /// An input that cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LeftOut {
-    /// The file.
-    pub path: PathBuf,
+    /// The file, as text.
+    pub path: String,
     /// What is wrong with it.
     pub reason: String,
 }

@@ -190,7 +190,9 @@ impl Job {
         let identity = self.identity(&survey);
         let directory = JobDirectory::open(&self.dir, identity, self.restart)?;
         if directory.has_delivered(&self.output) {
-            directory.clear();
+            if !self.keep {
+                directory.clear();
+            }
             return Ok(None);
         }
         if self.output.exists() && !self.overwrite {
@@ -264,7 +266,7 @@ impl Job {
         };
         serde_json::json!({
             "version": env!("CARGO_PKG_VERSION"),
-            "inputs": InputStamps::of(survey).0,
+            "inputs": InputStamps::of(survey).by_name(),
             "settings": settings,
         })
     }
@@ -298,8 +300,7 @@ impl Job {
                 Err(JobError::BadFiles(bad)) if skip => {
                     // Some of their points are spilled already: once more, without.
                     for bad in &bad {
-                        let (path, reason) = (bad.path.display(), &bad.reason);
-                        progress.note(&format!("{path} is left out: it {reason}"));
+                        progress.note(&format!("{} is left out: it {}", bad.path, bad.reason));
                     }
                     survey = survey.without(bad)?;
                     directory.forget(|name| name.starts_with("spill."));
@@ -522,22 +523,29 @@ struct InputStamps(Vec<(PathBuf, Option<Stamp>)>);
 
 impl InputStamps {
     fn of(survey: &Survey) -> Self {
-        let inputs = survey.inputs.iter().map(|input| &input.path);
-        let paths = inputs.chain(survey.left_out.iter().map(|bad| &bad.path));
-        let mut stamps: Vec<(PathBuf, Option<Stamp>)> = paths
-            .map(|path| (path.clone(), Stamp::of(path).ok()))
+        let inputs = survey.inputs.iter().map(|input| input.path.clone());
+        let left_out = survey.left_out.iter().map(|bad| PathBuf::from(&bad.path));
+        let mut stamps: Vec<(PathBuf, Option<Stamp>)> = inputs
+            .chain(left_out)
+            .map(|path| (path.clone(), Stamp::of(&path).ok()))
             .collect();
         stamps.sort_by(|a, b| a.0.cmp(&b.0));
         Self(stamps)
     }
 
+    /// For the identity of the job, which is text.
+    fn by_name(&self) -> Vec<(String, Option<Stamp>)> {
+        let stamps = self.0.iter();
+        stamps
+            .map(|(path, stamp)| (path.display().to_string(), *stamp))
+            .collect()
+    }
+
     /// Refuses what has changed since: half of it may have been read before.
     fn check(&self) -> Result<(), JobError> {
-        match self
-            .0
-            .iter()
-            .find(|(path, stamp)| Stamp::of(path).ok() != *stamp)
-        {
+        let has_changed =
+            |(path, stamp): &&(PathBuf, Option<Stamp>)| Stamp::of(path).ok() != *stamp;
+        match self.0.iter().find(has_changed) {
             Some((path, _)) => Err(JobError::Refused(format!(
                 "{} has changed while it was read; run again once it is complete",
                 path.display()

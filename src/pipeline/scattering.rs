@@ -125,7 +125,7 @@ pub(super) fn input_counts(survey: &Survey, spill: &Spill) -> Vec<InputCount> {
             left_out: None,
         });
     let left_out = survey.left_out.iter().map(|bad| InputCount {
-        path: bad.path.display().to_string(),
+        path: bad.path.clone(),
         claimed: 0,
         read: 0,
         rejected: 0,
@@ -154,16 +154,13 @@ fn bad_files(
 ) -> JobError {
     let mut bad: Vec<LeftOut> = Vec::new();
     for (part, error) in failures {
-        let path = &survey.inputs[parts[part].0].path;
-        if bad.iter().all(|known| known.path != *path) {
+        let path = survey.inputs[parts[part].0].path.display().to_string();
+        if bad.iter().all(|known| known.path != path) {
             let reason = match error.downcast::<LasError>() {
                 Ok(error) => error.problem,
                 Err(error) => error.to_string(),
             };
-            bad.push(LeftOut {
-                path: path.clone(),
-                reason,
-            });
+            bad.push(LeftOut { path, reason });
         }
     }
     bad.sort_by(|a, b| a.path.cmp(&b.path));

@@ -51,11 +51,11 @@ impl Survey {
             .collect();
         let mut left_out = Vec::new();
         let mut inputs = Vec::new();
-        for (path, result) in paths.into_iter().zip(surveyed) {
+        for result in surveyed {
             match result {
                 Ok(input) => inputs.push(input),
                 Err(error) => left_out.push(LeftOut {
-                    path,
+                    path: error.path,
                     reason: error.problem,
                 }),
             }
@@ -73,7 +73,10 @@ impl Survey {
     /// As [`of`](Self::of), if no file is left.
     pub fn without(self, bad: Vec<LeftOut>) -> Result<Self, JobError> {
         let mut inputs = self.inputs;
-        inputs.retain(|input| bad.iter().all(|bad| bad.path != input.path));
+        inputs.retain(|input| {
+            let path = input.path.display().to_string();
+            bad.iter().all(|bad| bad.path != path)
+        });
         let left_out = self.left_out.into_iter().chain(bad).collect();
         Self::merge(inputs, left_out, self.target)
     }
@@ -112,7 +115,7 @@ impl Survey {
         notes.extend(
             left_out
                 .iter()
-                .map(|bad| format!("{} is left out: it {}", bad.path.display(), bad.reason)),
+                .map(|bad| format!("{} is left out: it {}", bad.path, bad.reason)),
         );
         let crs = inputs.iter().find_map(|input| input.crs.clone());
         match &crs {

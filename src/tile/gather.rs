@@ -308,6 +308,7 @@ mod tests {
         };
         let options = ScatterOptions {
             checkpoint_bytes: 40_000,
+            keep_going: true,
             ..OPTIONS
         };
         let dir = tempfile::tempdir().unwrap();

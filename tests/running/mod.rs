@@ -1,0 +1,80 @@
+//! The program as tests run it.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(dead_code, reason = "not every test needs everything")]
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Output,
+};
+
+use assert_cmd::Command;
+use las::Reader;
+
+pub(crate) fn lloydar(arguments: &[&str]) -> Output {
+    Command::cargo_bin("lloydar")
+        .unwrap()
+        .args(arguments)
+        .env("SOURCE_DATE_EPOCH", "1700000000")
+        .timeout(std::time::Duration::from_secs(300))
+        .output()
+        .unwrap()
+}
+
+pub(crate) fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// Simulates a short street of 300 000 points in two files.
+pub(crate) fn street(dir: &Path) -> PathBuf {
+    let scans = dir.join("scans");
+    let done = lloydar(&[
+        "simulate",
+        "--length",
+        "60",
+        "--points",
+        "300K",
+        "-o",
+        text(&scans),
+    ]);
+    assert!(
+        done.status.success(),
+        "{}",
+        String::from_utf8_lossy(&done.stderr)
+    );
+    scans
+}
+
+pub(crate) fn run(scans: &Path, output: &Path, more: &[&str]) -> Output {
+    let mut arguments = vec!["run", text(scans), "-o", text(output), "--quiet"];
+    arguments.extend(more);
+    lloydar(&arguments)
+}
+
+pub(crate) fn succeed(scans: &Path, output: &Path, more: &[&str]) {
+    let done = run(scans, output, more);
+    assert!(
+        done.status.success(),
+        "{more:?}: {}",
+        String::from_utf8_lossy(&done.stderr)
+    );
+}
+
+/// Sorted coordinates, as stored.
+pub(crate) fn points(path: &Path) -> Vec<[i32; 3]> {
+    let all = Reader::from_path(path).unwrap().read_all().unwrap();
+    let mut points: Vec<[i32; 3]> = all
+        .x_raw()
+        .zip(all.y_raw())
+        .zip(all.z_raw())
+        .map(|((x, y), z)| [x, y, z])
+        .collect();
+    points.sort_unstable();
+    points
+}
+
+pub(crate) fn report(output: &Path) -> serde_json::Value {
+    let path = format!("{}.report.json", output.display());
+    serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
+}
