@@ -25,6 +25,10 @@ const LONGEST_EVLR: u64 = 16 << 20;
 const WIDEST_PADDING: u64 = 16 << 20;
 /// The bit of a point format that says that points are compressed.
 const COMPRESSED: u8 = 0x80;
+/// Where the record of the compression says how many points a chunk has, and that their
+/// number varies.
+const CHUNK_SIZE: usize = 12;
+const VARIABLE: u64 = 0xffff_ffff;
 /// Where the record of the compression says how many items a point has: their type,
 /// length and version follow.
 const ITEM_COUNT: usize = 32;
@@ -210,6 +214,18 @@ fn check_chunks(
             at - start
         ));
     }
+    let chunk_size = u64::from(word(CHUNK_SIZE)?) | u64::from(word(CHUNK_SIZE + 2)?) << 16;
+    let too_few = |most: u64| {
+        format!(
+            "is truncated or damaged: the header says {claimed} points, and its chunks hold {most}"
+        )
+    };
+    if let Some((_, chunks)) = table
+        && chunk_size != VARIABLE
+        && claimed > u64::from(chunks) * chunk_size
+    {
+        return Err(too_few(u64::from(chunks) * chunk_size));
+    }
     let id = header.point_data_record_format & !COMPRESSED & !0x40;
     let format = Format::new(id).map_err(|e| format!("unknown point format: {e}"))?;
     if !format.is_extended {
@@ -246,6 +262,9 @@ fn check_chunks(
         }
         points += u64::from(u32::from_le_bytes(count));
         at = next;
+    }
+    if points < claimed {
+        return Err(too_few(points));
     }
     Ok(())
 }

@@ -117,8 +117,8 @@ impl Scan {
         }
     }
 
-    /// Of `points` in one voxel no more than [`MOST_PER_VOXEL`], those of the highest
-    /// priority, in no order that may be relied on. Points may be thinned by and by:
+    /// Of `points` in one voxel (a third of a spacing wide) no more than 64, those of the
+    /// highest priority, in no order that may be relied on. Points may be thinned by and by:
     /// what is left at the end is the same.
     ///
     /// # Panics

@@ -161,7 +161,7 @@ impl JobDirectory {
 
     /// Removes the results of all tiles.
     pub(super) fn forget_tiles(&self) {
-        self.forget(|name| name.starts_with("tile-"));
+        self.forget(|name| name.starts_with("tiles."));
     }
 
     /// Removes the job's files of which `wanted` says so; what cannot be removed stays.
@@ -190,8 +190,11 @@ impl JobDirectory {
 
 /// Whether `name` is that of a file that jobs make.
 fn is_own(name: &str) -> bool {
-    const NAMES: [&str; 6] = ["job", "left-out", "spacing", "plan", "spill", "lock"];
+    const STEMS: [&str; 7] = [
+        "job", "left-out", "lock", "plan", "spacing", "spill", "tiles",
+    ];
     const ENDINGS: [&str; 8] = [
+        "",
         "json",
         "part",
         "bin",
@@ -199,13 +202,9 @@ fn is_own(name: &str) -> bool {
         "checkpoint",
         "solved",
         "settled",
-        "",
     ];
     let (stem, ending) = name.split_once('.').unwrap_or((name, ""));
-    let is_tile = stem
-        .strip_prefix("tile-")
-        .is_some_and(|number| number.len() >= 6 && number.bytes().all(|b| b.is_ascii_digit()));
-    (is_tile || NAMES.contains(&stem)) && ENDINGS.contains(&ending)
+    STEMS.contains(&stem) && ENDINGS.contains(&ending)
 }
 
 /// A name for the directory of the job that makes `output`.

@@ -7,7 +7,7 @@ use super::{JobError, memory::mebibytes};
 /// What is about to be written.
 pub(super) struct Need<'a> {
     /// What it is called.
-    pub(super) what: &'static str,
+    pub(super) what: String,
     /// A directory on the file system that it goes to.
     pub(super) dir: &'a Path,
     pub(super) bytes: u64,
@@ -79,7 +79,7 @@ mod tests {
     fn what_does_not_fit_is_refused_with_the_sum() {
         let dir = tempfile::tempdir().unwrap();
         let need = |bytes| Need {
-            what: "a file",
+            what: "a file".to_owned(),
             dir: dir.path(),
             bytes,
         };

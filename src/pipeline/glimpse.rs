@@ -1,8 +1,6 @@
 //! One place before and after, to be looked at.
 
-use std::path::Path;
-
-use super::{JobError, writing::read_settled};
+use super::{JobError, tiles::SettledTiles};
 use crate::{
     geometry::{Lattice, Rect, Stored, spread},
     tile::{Plan, Spill},
@@ -28,19 +26,19 @@ const SIDE: f64 = 24.0;
 const SHOWN: u64 = 4000;
 
 impl Glimpse {
-    /// The middle of the tile that put out most, once its sites are settled in
-    /// the job directory `dir`; nothing if there are none.
+    /// The middle of the tile that put out most, once its sites are `settled`; nothing
+    /// if there are none.
     pub(super) fn of_job(
         plan: &Plan,
         most_sites: u32,
         spill: &Spill,
-        dir: &Path,
+        settled: &SettledTiles,
         lattice: &Lattice,
         spacing: f64,
     ) -> Result<Self, JobError> {
         let length = spill.record_length();
         let sites = |tile: u32| -> Result<Vec<Stored>, JobError> {
-            let records = read_settled(dir, tile)?;
+            let records = settled.records(tile)?;
             Ok(records
                 .chunks_exact(length)
                 .map(Stored::of_record)

@@ -17,14 +17,15 @@ use super::{
     memory::{Budget, mebibytes, peak_resident},
     planning::Planning,
     scattering::{input_counts, scatter_inputs},
-    solving::{figures_name, load, solve_tile},
+    solving::{load, solve_tile},
+    tiles::{SettledTiles, SolvedTiles},
     writing,
 };
 use crate::{
     config::Settings,
     las::{CloudHeader, CloudWriter, CompleteCloud, Format, LasError},
     lloyd::Options,
-    tile::{Spill, Tile, TileError, solved_path},
+    tile::{Spill, Tile, TileError},
 };
 
 /// A job to be done.
@@ -110,7 +111,7 @@ impl Job {
         let tiles = self.solve(&running, &pool, progress, cancel)?;
         clock.stop("solve");
         let (outcome, cloud) =
-            pool.install(|| self.finish(&running, tiles, format, progress, cancel, clock))?;
+            pool.install(|| self.finish(&running, &tiles, format, progress, cancel, clock))?;
         report(&outcome)?;
         let stamp = Stamp::of(cloud.part());
         let stamp = stamp.map_err(|e| JobError::io("read", cloud.part(), e))?;
@@ -290,8 +291,16 @@ impl Job {
             let dir = directory.path();
             let record_length = survey.record.record_length() as u64;
             let held = fs::metadata(dir.join("spill.bin")).map_or(0, |spill| spill.len());
+            let largest = survey
+                .inputs
+                .iter()
+                .max_by_key(|input| input.points_claimed);
+            let largest = largest.map_or_else(String::new, |input| {
+                let (claimed, path) = (input.points_claimed, input.path.display());
+                format!(", {claimed} of them in {path},")
+            });
             check_room(&[Need {
-                what: "all points",
+                what: format!("all points{largest}"),
                 dir,
                 bytes: (survey.points_claimed().saturating_mul(record_length)).saturating_sub(held),
             }])?;
@@ -319,11 +328,12 @@ impl Job {
         pool: &rayon::ThreadPool,
         progress: &dyn Progress,
         cancel: &AtomicBool,
-    ) -> Result<Vec<TileFigures>, JobError> {
+    ) -> Result<SolvedTiles, JobError> {
         let tiles = &running.plan.plan.tiles;
+        let mut solved_tiles = SolvedTiles::open(running.directory.path())?;
         let (done, missing): (Vec<&Tile>, Vec<&Tile>) = tiles
             .iter()
-            .partition(|tile| running.figures_of(tile.id).is_some());
+            .partition(|tile| solved_tiles.contains(tile.id));
         progress.begin("solve", tiles.len() as u64, done.len() as u64, Unit::Tiles);
         let (sender, receiver) = channel::bounded(0);
         std::thread::scope(|scope| {
@@ -350,8 +360,7 @@ impl Job {
                 let (solved, mut figures) =
                     pool.install(|| solve_tile(&running.spill, loaded, &running.options))?;
                 figures.seconds = start.elapsed().as_secs_f64();
-                running.directory.write(&figures_name(id), &figures)?;
-                solved.write(running.directory.path(), id)?;
+                solved_tiles.add(id, &solved, &figures)?;
                 progress.advance(1);
                 if cancel.load(Ordering::Relaxed) {
                     break;
@@ -363,20 +372,13 @@ impl Job {
             return Err(JobError::Tile(TileError::Cancelled));
         }
         progress.end();
-        tiles
-            .iter()
-            .map(|tile| {
-                running.figures_of(tile.id).ok_or_else(|| {
-                    JobError::Refused(format!("tile {}: its figures are gone", tile.id))
-                })
-            })
-            .collect()
+        Ok(solved_tiles)
     }
 
     fn finish(
         &self,
         running: &Running,
-        tiles: Vec<TileFigures>,
+        solved: &SolvedTiles,
         format: Format,
         progress: &dyn Progress,
         cancel: &AtomicBool,
@@ -388,19 +390,21 @@ impl Job {
         let (lattice, spacing) = (&running.survey.lattice, running.options.spacing);
         let plan = &running.plan.plan;
         progress.begin("stitch", plan.tiles.len() as u64, 0, Unit::Tiles);
-        let dir = running.directory.path();
-        let seams = writing::settle(plan, dir, lattice, spacing, progress)?;
+        let mut settled = SettledTiles::create(running.directory.path())?;
+        let seams = writing::settle(plan, solved, &mut settled, lattice, spacing, progress)?;
         progress.end();
         clock.stop("stitch");
         if cancel.load(Ordering::Relaxed) {
             return Err(JobError::Tile(TileError::Cancelled));
         }
+        let figures = plan.tiles.iter().map(|tile| solved.figures(tile.id));
+        let tiles: Vec<TileFigures> = figures.collect::<Result<_, JobError>>()?;
         let largest = tiles.iter().max_by_key(|tile| tile.sites);
         let glimpse = Glimpse::of_job(
             plan,
             largest.map_or(0, |figures| figures.tile.id),
             &running.spill,
-            dir,
+            &settled,
             lattice,
             spacing,
         )?;
@@ -415,7 +419,7 @@ impl Job {
         let mut writer = CloudWriter::create(&self.output, format, &header)?;
         let (stitched, by_tile) = writing::write(
             plan,
-            dir,
+            &settled,
             lattice,
             spacing,
             running.spill.record_length(),
@@ -509,12 +513,6 @@ impl Running {
             )
         });
         self.survey.notes.iter().cloned().chain(damaged).collect()
-    }
-
-    /// The figures of a tile, if it is solved.
-    fn figures_of(&self, tile: u32) -> Option<TileFigures> {
-        let is_solved = solved_path(self.directory.path(), tile).exists();
-        is_solved.then(|| self.directory.read(&figures_name(tile)))?
     }
 }
 

@@ -21,6 +21,7 @@ mod scattering;
 mod solving;
 mod spacing;
 mod survey;
+mod tiles;
 mod writing;
 
 pub use directory::default_directory;

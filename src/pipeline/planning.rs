@@ -189,15 +189,10 @@ impl Planning<'_> {
     /// Refuses what has no room for `solved` bytes of solved tiles, and an output of
     /// `records` bytes at the most.
     fn check_disk(&self, solved: u64, records: u64) -> Result<(), JobError> {
-        let held = fs::read_dir(self.directory.path())
-            .into_iter()
-            .flatten()
-            .flatten();
-        let tiles = held.filter(|e| e.file_name().to_string_lossy().starts_with("tile-"));
-        let present: u64 = tiles
-            .filter_map(|e| e.metadata().ok())
-            .map(|m| m.len())
-            .sum();
+        let held = ["tiles.solved", "tiles.settled"].map(|name| {
+            fs::metadata(self.directory.path().join(name)).map_or(0, |file| file.len())
+        });
+        let present: u64 = held.iter().sum();
         let is_compressed = self
             .job
             .output
@@ -205,12 +200,12 @@ impl Planning<'_> {
             .is_some_and(|e| e.eq_ignore_ascii_case("laz"));
         check_room(&[
             Need {
-                what: "solved tiles",
+                what: "solved tiles".to_owned(),
                 dir: self.directory.path(),
                 bytes: solved.saturating_sub(present),
             },
             Need {
-                what: "the output",
+                what: "the output".to_owned(),
                 dir: &directory_of(&self.job.output),
                 bytes: if is_compressed { records / 2 } else { records },
             },
@@ -237,7 +232,8 @@ impl Planning<'_> {
             .squares()
             .map(|(place, points)| {
                 let held = kept.get(&place).map_or(points, |&kept| kept.min(points));
-                let seeds = f64::max(points as f64 * mean, layers * sparse(points as f64));
+                // Each is right where the other is not; a tile has of both kinds.
+                let seeds = 0.5 * (points as f64 * mean + layers * sparse(points as f64));
                 Square {
                     place,
                     points,

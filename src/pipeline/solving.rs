@@ -49,11 +49,6 @@ pub struct TileFigures {
     pub convergence: Vec<DistanceSums>,
 }
 
-/// The name of the figures of tile `tile` in the job directory.
-pub(super) fn figures_name(tile: u32) -> String {
-    format!("tile-{tile:06}.json")
-}
-
 /// A tile that has been read.
 pub(super) struct Loaded {
     pub(super) tile: Tile,

@@ -4,16 +4,20 @@
 //! neighbours say of it: the first settles where every site ends, the second
 //! measures distances across seams and writes.
 
-use std::{collections::HashMap, path::Path};
+use std::collections::HashMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{JobError, Progress, solving::BAND};
+use super::{
+    JobError, Progress,
+    solving::BAND,
+    tiles::{SettledTiles, SolvedTiles},
+};
 use crate::{
     geometry::{Lattice, Local, NeighborGrid, Rect, Stored},
     las::{CloudWriter, move_to},
     quality::UniformityTally,
-    tile::{Guest, Plan, SeamTally, SolvedTile, Tile, blend},
+    tile::{Guest, Plan, SeamTally, Tile, blend},
 };
 
 /// How near to another tile is "on the seam", in spacings.
@@ -46,7 +50,8 @@ fn adjacent<'a>(plan: &'a Plan, tile: &'a Tile, reach: i64) -> impl Iterator<Ite
 /// they are written, replace its own.
 pub(super) fn settle(
     plan: &Plan,
-    dir: &Path,
+    tiles: &SolvedTiles,
+    settled: &mut SettledTiles,
     lattice: &Lattice,
     spacing: f64,
     progress: &dyn Progress,
@@ -54,10 +59,10 @@ pub(super) fn settle(
     let band = lattice.units(BAND * spacing);
     let mut tally = SeamTally::new(spacing);
     for tile in &plan.tiles {
-        let mut own = SolvedTile::read(dir, tile.id)?;
+        let mut own = tiles.solved(tile.id)?;
         let mut guests = Vec::new();
         for other in adjacent(plan, tile, band) {
-            let mut sites = SolvedTile::read(dir, other.id)?.band;
+            let mut sites = tiles.solved(other.id)?.band;
             sites.retain(|site| tile.core.contains(site.identity));
             guests.push(Guest {
                 core: other.core,
@@ -72,24 +77,10 @@ pub(super) fn settle(
                 .unwrap_or_else(|| Stored::of_record(record));
             move_to(record, place);
         }
-        write_settled(dir, tile.id, &own.records)?;
+        settled.add(tile.id, &own.records)?;
         progress.advance(1);
     }
     Ok(tally)
-}
-
-fn settled_path(dir: &Path, tile: u32) -> std::path::PathBuf {
-    dir.join(format!("tile-{tile:06}.settled"))
-}
-
-fn write_settled(dir: &Path, tile: u32, records: &[u8]) -> Result<(), JobError> {
-    let path = settled_path(dir, tile);
-    std::fs::write(&path, records).map_err(|e| JobError::io("write", &path, e))
-}
-
-pub(super) fn read_settled(dir: &Path, tile: u32) -> Result<Vec<u8>, JobError> {
-    let path = settled_path(dir, tile);
-    std::fs::read(&path).map_err(|e| JobError::io("read", &path, e))
 }
 
 /// Writes the settled tiles, in the order of the plan, and measures the
@@ -97,7 +88,7 @@ pub(super) fn read_settled(dir: &Path, tile: u32) -> Result<Vec<u8>, JobError> {
 #[expect(clippy::too_many_arguments, reason = "the job's parts, each used once")]
 pub(super) fn write(
     plan: &Plan,
-    dir: &Path,
+    settled: &SettledTiles,
     lattice: &Lattice,
     spacing: f64,
     record_length: usize,
@@ -118,7 +109,7 @@ pub(super) fn write(
     };
     let mut by_tile = HashMap::new();
     for tile in &plan.tiles {
-        let records = read_settled(dir, tile.id)?;
+        let records = settled.records(tile.id)?;
         let near: Vec<Rect> = adjacent(plan, tile, reach)
             .map(|other| other.core)
             .collect();
@@ -130,7 +121,8 @@ pub(super) fn write(
         for other in adjacent(plan, tile, reach) {
             let wide = tile.core.grown(reach);
             places.extend(
-                read_settled(dir, other.id)?
+                settled
+                    .records(other.id)?
                     .chunks_exact(record_length)
                     .map(Stored::of_record)
                     .filter(|&point| wide.contains(point))

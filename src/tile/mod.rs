@@ -14,6 +14,7 @@
 mod gather;
 mod grid;
 mod growing;
+mod pack;
 mod plan;
 mod scatter;
 mod solved;
@@ -22,9 +23,10 @@ mod stitch;
 mod whole;
 
 pub use grid::{CellGrid, CellKey};
+pub use pack::Pack;
 pub use plan::{Plan, PlanOptions, Square, Tile};
 pub use scatter::{Opener, ScatterOptions, Source, SourceError, scatter};
-pub use solved::{SolvedSite, SolvedTile, solved_path};
+pub use solved::{SolvedSite, SolvedTile};
 pub use spill::{Bounds, SourceProgress, Spill};
 pub use stitch::{Guest, SeamTally, blend};
 pub use whole::{read_whole, write_whole};
@@ -67,7 +69,7 @@ pub enum TileError {
         source: io::Error,
     },
     /// A temporary file is not what was written.
-    #[error("{path} is damaged or of another version; remove the job directory to start afresh")]
+    #[error("{path} is damaged or of another version; give --restart to begin anew")]
     Damaged {
         /// The file.
         path: String,

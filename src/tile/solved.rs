@@ -1,16 +1,11 @@
 //! What a solved tile leaves behind: its sites, and the records of its core.
 //!
-//! One file a tile, complete or not there: its presence is the checkpoint.
-//!
 //! ```text
 //!   magic, record length, core sites, band sites   4 × u64
 //!   core sites, then band sites                    40 bytes each
 //!   records of the core's sites                    record length each
 //! ```
 
-use std::path::{Path, PathBuf};
-
-use super::{TileError, read_whole, write_whole};
 use crate::geometry::{Local, Stored};
 
 const MAGIC: u64 = u64::from_le_bytes(*b"lloydar2");
@@ -41,21 +36,11 @@ pub struct SolvedTile {
     pub record_length: usize,
 }
 
-/// The name of the file of tile `tile` in the job directory `dir`.
-pub fn solved_path(dir: &Path, tile: u32) -> PathBuf {
-    dir.join(format!("tile-{tile:06}.solved"))
-}
-
 impl SolvedTile {
-    /// Writes the file of tile `tile` in `dir`, complete or not at all.
-    ///
-    /// # Errors
-    ///
-    /// [`TileError::Io`] with the file's name.
-    pub fn write(&self, dir: &Path, tile: u32) -> Result<u64, TileError> {
-        let path = solved_path(dir, tile);
-        let mut bytes =
-            Vec::with_capacity(HEADER_BYTES + SITE_BYTES * self.core.len() + self.records.len());
+    /// The tile as bytes.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let sites = self.core.len() + self.band.len();
+        let mut bytes = Vec::with_capacity(HEADER_BYTES + SITE_BYTES * sites + self.records.len());
         for number in [
             MAGIC,
             self.record_length as u64,
@@ -68,21 +53,32 @@ impl SolvedTile {
             encode(site, &mut bytes);
         }
         bytes.extend(&self.records);
-        write_whole(&path, &bytes).map_err(|source| TileError::io("write", &path, source))?;
-        Ok(bytes.len() as u64)
+        bytes
     }
 
-    /// Reads the file of tile `tile` in `dir`.
-    ///
-    /// # Errors
-    ///
-    /// [`TileError::Io`] if it cannot be read, [`TileError::Damaged`] if it is
-    /// not what [`write`](Self::write) wrote.
-    pub fn read(dir: &Path, tile: u32) -> Result<Self, TileError> {
-        let path = solved_path(dir, tile);
-        let content = read_whole(&path).map_err(|source| TileError::io("read", &path, source))?;
-        let tile = content.and_then(|content| decode_tile(&content));
-        tile.ok_or_else(|| TileError::damaged(&path))
+    /// The tile of which these are the bytes; `None` if they are of none.
+    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let word = |at: usize| -> Option<u64> {
+            Some(u64::from_le_bytes(bytes.get(at..at + 8)?.try_into().ok()?))
+        };
+        if word(0)? != MAGIC {
+            return None;
+        }
+        let [record_length, core, band] = [word(8)?, word(16)?, word(24)?].map(usize::try_from);
+        let (record_length, core, band) = (record_length.ok()?, core.ok()?, band.ok()?);
+        let sites_bytes = core.checked_add(band)?.checked_mul(SITE_BYTES)?;
+        let sites = bytes.get(HEADER_BYTES..HEADER_BYTES.checked_add(sites_bytes)?)?;
+        let records = bytes.get(HEADER_BYTES + sites_bytes..)?;
+        if records.len() != core.checked_mul(record_length)? {
+            return None;
+        }
+        let mut sites = sites.chunks_exact(SITE_BYTES).map(decode);
+        Some(Self {
+            core: sites.by_ref().take(core).collect(),
+            band: sites.collect(),
+            records: records.to_vec(),
+            record_length,
+        })
     }
 }
 
@@ -94,32 +90,6 @@ fn encode(site: &SolvedSite, bytes: &mut Vec<u8>) {
     for c in site.position.iter() {
         bytes.extend(c.to_le_bytes());
     }
-}
-
-fn decode_tile(content: &[u8]) -> Option<SolvedTile> {
-    let word = |at: usize| -> Option<u64> {
-        Some(u64::from_le_bytes(
-            content.get(at..at + 8)?.try_into().ok()?,
-        ))
-    };
-    if word(0)? != MAGIC {
-        return None;
-    }
-    let [record_length, core, band] = [word(8)?, word(16)?, word(24)?].map(usize::try_from);
-    let (record_length, core, band) = (record_length.ok()?, core.ok()?, band.ok()?);
-    let sites_bytes = core.checked_add(band)?.checked_mul(SITE_BYTES)?;
-    let sites = content.get(HEADER_BYTES..HEADER_BYTES.checked_add(sites_bytes)?)?;
-    let records = content.get(HEADER_BYTES + sites_bytes..)?;
-    if records.len() != core.checked_mul(record_length)? {
-        return None;
-    }
-    let mut sites = sites.chunks_exact(SITE_BYTES).map(decode);
-    Some(SolvedTile {
-        core: sites.by_ref().take(core).collect(),
-        band: sites.collect(),
-        records: records.to_vec(),
-        record_length,
-    })
 }
 
 fn decode(bytes: &[u8]) -> SolvedSite {
@@ -164,22 +134,14 @@ mod tests {
 
     #[test]
     fn a_tile_is_read_as_it_was_written() {
-        let dir = tempfile::tempdir().unwrap();
-        tile().write(dir.path(), 3).unwrap();
-        assert_eq!(SolvedTile::read(dir.path(), 3).unwrap(), tile());
+        assert_eq!(SolvedTile::from_bytes(&tile().to_bytes()), Some(tile()));
     }
 
     #[test]
     fn a_cut_tile_is_no_tile() {
-        let dir = tempfile::tempdir().unwrap();
-        tile().write(dir.path(), 0).unwrap();
-        let content = read_whole(&solved_path(dir.path(), 0)).unwrap().unwrap();
-        assert!(decode_tile(&content).is_some());
-        for at in 0..content.len() {
-            assert_eq!(decode_tile(&content[..at]), None, "cut at {at}");
+        let bytes = tile().to_bytes();
+        for at in 0..bytes.len() {
+            assert_eq!(SolvedTile::from_bytes(&bytes[..at]), None, "cut at {at}");
         }
-        write_whole(&solved_path(dir.path(), 1), b"nonsense").unwrap();
-        let error = SolvedTile::read(dir.path(), 1).unwrap_err().to_string();
-        assert!(error.contains("tile-000001.solved"), "{error}");
     }
 }

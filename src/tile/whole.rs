@@ -46,7 +46,7 @@ fn checked(bytes: &[u8]) -> Option<&[u8]> {
 }
 
 /// A checksum against half-written and bit-rotten files, not against malice.
-fn checksum(bytes: &[u8]) -> u64 {
+pub(super) fn checksum(bytes: &[u8]) -> u64 {
     bytes.chunks(8).fold(bytes.len() as u64, |sum, chunk| {
         let mut word = [0; 8];
         word[..chunk.len()].copy_from_slice(chunk);

@@ -1,0 +1,269 @@
+//! Blocks of bytes in one file, each found by its key: thousands of tiles are no
+//! thousands of files.
+//!
+//! ```text
+//!   magic, key, length, checksum of the content    4 × u64
+//!   content
+//!   … the next block
+//! ```
+//!
+//! Blocks are only ever appended; of two with one key the later stands. What a killed
+//! process left unfinished at the end is cut off when the file is opened again.
+
+use std::{
+    collections::HashMap,
+    fs::File,
+    io::{self, Read, Seek, SeekFrom, Write},
+    path::{Path, PathBuf},
+};
+
+use super::{TileError, whole::checksum};
+
+const MAGIC: u64 = u64::from_le_bytes(*b"llblock1");
+const HEADER_BYTES: u64 = 32;
+
+/// A file of blocks.
+#[derive(Debug)]
+pub struct Pack {
+    path: PathBuf,
+    file: File,
+    blocks: HashMap<u64, Block>,
+    end: u64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Block {
+    /// Where its content begins.
+    offset: u64,
+    length: u64,
+    checksum: u64,
+}
+
+impl Pack {
+    /// Opens the file at `path`, or makes it.
+    ///
+    /// # Errors
+    ///
+    /// [`TileError::Io`] if that cannot be.
+    pub fn open(path: &Path) -> Result<Self, TileError> {
+        let pack = || -> io::Result<Self> {
+            let mut file = File::options()
+                .create(true)
+                .truncate(false)
+                .read(true)
+                .write(true)
+                .open(path)?;
+            let length = file.metadata()?.len();
+            let (mut blocks, mut end, mut last) = (HashMap::new(), 0, None);
+            while let Some((key, block)) = block_at(&mut file, end, length)? {
+                end = block.offset + block.length;
+                last = Some((key, block, blocks.insert(key, block)));
+            }
+            // Every block was on the disk before the next was begun: but for the last,
+            // which may have its length and not its content.
+            if let Some((key, block, before)) = last
+                && content(&mut file, block)?.is_none()
+            {
+                end = block.offset - HEADER_BYTES;
+                match before {
+                    Some(before) => blocks.insert(key, before),
+                    None => blocks.remove(&key),
+                };
+            }
+            file.set_len(end)?;
+            Ok(Self {
+                path: path.to_owned(),
+                file,
+                blocks,
+                end,
+            })
+        };
+        pack().map_err(|source| TileError::io("open", path, source))
+    }
+
+    /// Makes the file at `path` anew.
+    ///
+    /// # Errors
+    ///
+    /// [`TileError::Io`] if that cannot be.
+    pub fn create(path: &Path) -> Result<Self, TileError> {
+        let file = File::options()
+            .create(true)
+            .truncate(true)
+            .read(true)
+            .write(true)
+            .open(path)
+            .map_err(|source| TileError::io("create", path, source))?;
+        Ok(Self {
+            path: path.to_owned(),
+            file,
+            blocks: HashMap::new(),
+            end: 0,
+        })
+    }
+
+    /// Whether there is a block with this key.
+    pub fn contains(&self, key: u64) -> bool {
+        self.blocks.contains_key(&key)
+    }
+
+    /// Length of the file in bytes.
+    pub fn bytes(&self) -> u64 {
+        self.end
+    }
+
+    /// Appends blocks: their keys, and what they hold.
+    ///
+    /// # Errors
+    ///
+    /// [`TileError::Io`] if they cannot be written; those before are as they were.
+    pub fn append(&mut self, blocks: &[(u64, &[u8])]) -> Result<(), TileError> {
+        let file = &mut self.file;
+        let mut end = self.end;
+        let mut write = || -> io::Result<Vec<(u64, Block)>> {
+            file.seek(SeekFrom::Start(end))?;
+            let mut written = Vec::new();
+            for &(key, content) in blocks {
+                let block = Block {
+                    offset: end + HEADER_BYTES,
+                    length: content.len() as u64,
+                    checksum: checksum(content),
+                };
+                for number in [MAGIC, key, block.length, block.checksum] {
+                    file.write_all(&number.to_le_bytes())?;
+                }
+                file.write_all(content)?;
+                end = block.offset + block.length;
+                written.push((key, block));
+            }
+            Ok(written)
+        };
+        let written = write().map_err(|source| TileError::io("write to", &self.path, source))?;
+        self.blocks.extend(written);
+        self.end = end;
+        Ok(())
+    }
+
+    /// Brings all that was appended to the disk.
+    ///
+    /// # Errors
+    ///
+    /// [`TileError::Io`] if that cannot be.
+    pub fn flush(&self) -> Result<(), TileError> {
+        self.file
+            .sync_data()
+            .map_err(|source| TileError::io("flush", &self.path, source))
+    }
+
+    /// What the block with this key holds.
+    ///
+    /// # Errors
+    ///
+    /// [`TileError::Io`] if it cannot be read, [`TileError::Damaged`] if there is none
+    /// or it is not what was written.
+    pub fn read(&self, key: u64) -> Result<Vec<u8>, TileError> {
+        let damaged = || TileError::damaged(&self.path);
+        let block = *self.blocks.get(&key).ok_or_else(damaged)?;
+        // A reader of its own: the other one is where the next block goes.
+        let read = File::open(&self.path).and_then(|mut file| content(&mut file, block));
+        match read {
+            Ok(found) => found.ok_or_else(damaged),
+            Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => Err(damaged()),
+            Err(source) => Err(TileError::io("read", &self.path, source)),
+        }
+    }
+}
+
+/// The block whose header is at `at` in a file of `length` bytes; `None` if there is no
+/// whole one.
+fn block_at(file: &mut File, at: u64, length: u64) -> io::Result<Option<(u64, Block)>> {
+    let Some(left) = length.checked_sub(at + HEADER_BYTES) else {
+        return Ok(None);
+    };
+    let mut header = [0; HEADER_BYTES as usize];
+    file.seek(SeekFrom::Start(at))?;
+    file.read_exact(&mut header)?;
+    let mut words = header.chunks_exact(8).map(|word| {
+        let mut bytes = [0; 8];
+        bytes.copy_from_slice(word);
+        u64::from_le_bytes(bytes)
+    });
+    let [magic, key, held, checksum] = std::array::from_fn(|_| words.next().unwrap_or(0));
+    let block = Block {
+        offset: at + HEADER_BYTES,
+        length: held,
+        checksum,
+    };
+    Ok((magic == MAGIC && held <= left).then_some((key, block)))
+}
+
+/// What `block` holds; `None` if that is not what was written.
+fn content(file: &mut File, block: Block) -> io::Result<Option<Vec<u8>>> {
+    let mut content = Vec::new();
+    file.seek(SeekFrom::Start(block.offset))?;
+    file.take(block.length).read_to_end(&mut content)?;
+    let is_whole = content.len() as u64 == block.length && checksum(&content) == block.checksum;
+    Ok(is_whole.then_some(content))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_are_found_again_and_the_later_stands() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("pack");
+        let mut pack = Pack::open(&path).unwrap();
+        pack.append(&[(7, b"seven"), (1, b"")]).unwrap();
+        pack.append(&[(7, b"seven again")]).unwrap();
+        pack.flush().unwrap();
+        let again = Pack::open(&path).unwrap();
+        for pack in [&pack, &again] {
+            assert_eq!(pack.read(7).unwrap(), b"seven again");
+            assert_eq!(pack.read(1).unwrap(), b"");
+            assert!(!pack.contains(2));
+            assert!(pack.read(2).unwrap_err().to_string().contains("pack"));
+        }
+        assert_eq!(again.bytes(), std::fs::metadata(&path).unwrap().len());
+        assert_eq!(Pack::create(&path).unwrap().bytes(), 0);
+    }
+
+    /// Wherever it is cut, and whatever is left of the last block.
+    #[test]
+    fn what_was_left_unfinished_is_written_again() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("pack");
+        let mut pack = Pack::open(&path).unwrap();
+        pack.append(&[(1, b"one"), (2, b"two")]).unwrap();
+        let before = pack.bytes() as usize;
+        pack.append(&[(2, b"two, once more")]).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let mut torn: Vec<Vec<u8>> = (before..bytes.len())
+            .map(|at| bytes[..at].to_vec())
+            .collect();
+        for at in before..bytes.len() {
+            // The key is in no checksum: a block under another one is no harm.
+            if !(before + 8..before + 16).contains(&at) {
+                let mut zeroed = bytes.clone();
+                zeroed[at] ^= 0x41;
+                torn.push(zeroed);
+            }
+        }
+        for content in torn {
+            std::fs::write(&path, content).unwrap();
+            let mut pack = Pack::open(&path).unwrap();
+            assert_eq!(pack.read(2).unwrap(), b"two");
+            assert_eq!(pack.bytes() as usize, before);
+            pack.append(&[(3, b"three")]).unwrap();
+            assert_eq!(Pack::open(&path).unwrap().read(3).unwrap(), b"three");
+        }
+        // Rot in the middle is told when it is read.
+        let mut rotten = bytes;
+        rotten[33] ^= 1;
+        std::fs::write(&path, rotten).unwrap();
+        let pack = Pack::open(&path).unwrap();
+        assert!(pack.read(1).unwrap_err().to_string().contains("damaged"));
+        assert_eq!(pack.read(2).unwrap(), b"two, once more");
+    }
+}
