@@ -325,7 +325,7 @@ fn odd_clouds_are_done() {
         (
             "line",
             (0..n as i32).map(|i| [i, 2 * i, -i]).collect(),
-            1000,
+            900,
             &[],
         ),
         (
