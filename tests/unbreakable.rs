@@ -293,6 +293,7 @@ fn a_job_directory_is_one_jobs() {
         "{}",
         stderr(&late)
     );
+    assert!(!dir.path().join("out.laz.job").exists());
 
     fs::create_dir(&job).unwrap();
     fs::write(job.join("tile-photo.jpg"), "precious").unwrap();

@@ -22,6 +22,8 @@ pub(super) struct JobDirectory {
     /// Held as long as the job runs.
     _lock: File,
     about: About,
+    /// Whether the job was begun by this process.
+    is_new: bool,
 }
 
 /// What `job.json` says.
@@ -96,6 +98,7 @@ impl JobDirectory {
                 identity,
                 delivered: None,
             },
+            is_new: false,
         };
         if restart {
             directory.forget(|name| name != "lock");
@@ -112,6 +115,7 @@ impl JobDirectory {
                 // Whatever else is there, nobody knows what it is of.
                 directory.forget(|name| name != "lock");
                 directory.write("job.json", &directory.about)?;
+                directory.is_new = true;
             }
         }
         Ok(directory)
@@ -175,6 +179,14 @@ impl JobDirectory {
             {
                 drop(fs::remove_file(entry.path()));
             }
+        }
+    }
+
+    /// Gives the job up: removes what this process made of it. What an earlier run left
+    /// may be the work of a night, and stays.
+    pub(super) fn abandon(self) {
+        if self.is_new {
+            self.clear();
         }
     }
 
@@ -244,6 +256,17 @@ mod tests {
         assert_eq!(anew.read::<f64>("spacing.json"), None);
         anew.clear();
         assert!(!path.exists());
+    }
+
+    #[test]
+    fn what_an_earlier_run_left_is_not_given_up() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("job");
+        open(&path, 1, false).unwrap().abandon();
+        assert!(!path.exists());
+        drop(open(&path, 1, false).unwrap());
+        open(&path, 1, false).unwrap().abandon();
+        assert!(path.join("job.json").exists());
     }
 
     #[test]

@@ -139,7 +139,7 @@ impl Job {
             Ok(prepared.map(|running| {
                 let plan = running.plan;
                 if !self.keep {
-                    running.directory.clear();
+                    running.directory.abandon();
                 }
                 plan
             }))
@@ -197,6 +197,7 @@ impl Job {
             return Ok(None);
         }
         if self.output.exists() && !self.overwrite {
+            directory.abandon();
             let problem = "exists already; give another name, or --overwrite";
             return Err(LasError::new(&self.output, problem).into());
         }
@@ -215,9 +216,8 @@ impl Job {
             })),
             Err(error) => {
                 if !error.is_resumable() {
-                    // Nothing is solved that could be lost, and the next try, with
-                    // other inputs or settings, is another job.
-                    directory.clear();
+                    // The next try, with other inputs or settings, is another job.
+                    directory.abandon();
                 }
                 Err(error)
             }
@@ -252,7 +252,7 @@ impl Job {
         let (spacing, points_out) = planning.spacing(progress)?;
         let seeds_per_point = points_out as f64 / spill.points() as f64;
         let options = self.settings.solver(spacing, seeds_per_point);
-        let plan = planning.tiles(&options, points_out)?;
+        let plan = planning.tiles(&options, points_out, progress)?;
         clock.stop("plan");
         Ok((survey, spill, options, plan))
     }

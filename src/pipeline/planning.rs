@@ -111,7 +111,12 @@ impl Planning<'_> {
     }
 
     /// Tiles for about `points_out` seeds, and what they will take.
-    pub(super) fn tiles(&self, options: &Options, points_out: u64) -> Result<JobPlan, JobError> {
+    pub(super) fn tiles(
+        &self,
+        options: &Options,
+        points_out: u64,
+        progress: &dyn Progress,
+    ) -> Result<JobPlan, JobError> {
         let (spill, settings) = (self.spill, &self.job.settings);
         let lattice = self.survey.lattice;
         let halo = settings.halo.unwrap_or_else(|| options.halo());
@@ -119,6 +124,12 @@ impl Planning<'_> {
         // Tiles solved under another plan would not fit together: the first
         // plan of a job stands, as long as it fits the budget of this run.
         let found = self.directory.read::<Plan>("plan.json");
+        if found
+            .as_ref()
+            .is_some_and(|plan| plan.most_cost() > most_cost)
+        {
+            progress.note("the tiles of the earlier run do not fit the memory of this one: all are solved anew");
+        }
         let plan = match found.filter(|plan| plan.most_cost() <= most_cost) {
             Some(plan) => plan,
             None => {
@@ -149,6 +160,13 @@ impl Planning<'_> {
         let solved = 2 * records + 48 * points_out;
         self.check_disk(solved, records)?;
         let needed = self.budget.needed(plan.most_cost() as f64);
+        progress.note(&format!(
+            "{} tiles; memory up to {} of {}, temporary files up to {}",
+            plan.tiles.len(),
+            mebibytes(needed),
+            mebibytes(self.budget.total),
+            mebibytes(spill.bytes() + solved)
+        ));
         Ok(JobPlan {
             points: spill.points(),
             spacing: options.spacing,
