@@ -123,16 +123,9 @@ impl Planning<'_> {
         let most_cost = self.budget.tile();
         // Tiles solved under another plan would not fit together: the first
         // plan of a job stands, as long as it fits the budget of this run.
-        let found = self.directory.read::<Plan>("plan.json");
-        if found
-            .as_ref()
-            .is_some_and(|plan| plan.most_cost() > most_cost)
-        {
-            progress.note("the tiles of the earlier run do not fit the memory of this one: all are solved anew");
-        }
-        let plan = match found.filter(|plan| plan.most_cost() <= most_cost) {
-            Some(plan) => plan,
-            None => {
+        let plan = match self.directory.read::<Plan>("plan.json") {
+            Some(found) if found.most_cost() <= most_cost => found,
+            found => {
                 let plan = Plan::make(
                     &self.squares(options, points_out)?,
                     spill.grid().square(),
@@ -143,12 +136,18 @@ impl Planning<'_> {
                         most_cost,
                     },
                 );
+                self.check_memory(&plan, halo)?;
+                if found.is_some() {
+                    progress.note(
+                        "the tiles of an earlier run do not fit this one's memory: all are solved \
+                         anew",
+                    );
+                }
                 self.directory.forget_tiles();
                 self.directory.write("plan.json", &plan)?;
                 plan
             }
         };
-        self.check_memory(&plan, halo)?;
         let points_seen: u64 = plan.tiles.iter().map(|tile| tile.points_seen).sum();
         let overlap = points_seen as f64 / spill.points().max(1) as f64;
         let million = 1e-6 / settings.threads as f64;

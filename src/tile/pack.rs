@@ -129,9 +129,8 @@ impl Pack {
                     length: content.len() as u64,
                     checksum: checksum(content),
                 };
-                for number in [MAGIC, key, block.length, block.checksum] {
-                    file.write_all(&number.to_le_bytes())?;
-                }
+                let numbers = [MAGIC, key, block.length, block.checksum];
+                file.write_all(&numbers.map(u64::to_le_bytes).concat())?;
                 file.write_all(content)?;
                 end = block.offset + block.length;
                 written.push((key, block));
