@@ -119,6 +119,8 @@ fn bad_files_stop_a_job_by_name_or_are_left_out_by_name() {
         assert!(verdict(name).is_string(), "{name}: {}", verdict(name));
     }
     assert!(verdict("pass-1.laz").is_null());
+    let page = fs::read_to_string(dir.path().join("skipped.laz.report.html")).unwrap();
+    assert_eq!(page.matches("left out: is ").count(), 3);
 
     // Nothing but bad files is no job.
     let output = dir.path().join("none.laz");

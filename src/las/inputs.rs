@@ -56,7 +56,7 @@ fn collect(directory: &Path, files: &mut Vec<PathBuf>) -> Result<(), LasError> {
         // Links to directories are not followed: they may lead in circles.
         if kind.is_dir() {
             collect(&path, files)?;
-        } else if is_scan(&path) && path.is_file() {
+        } else if is_scan(&path) && is_file(&path)? {
             files.push(path);
         }
     }
@@ -74,8 +74,27 @@ fn match_pattern(argument: &Path, files: &mut Vec<PathBuf>) -> Result<(), LasErr
     };
     let matches = glob::glob(pattern)
         .map_err(|error| LasError::new(argument, format!("is no pattern: {error}")))?;
-    files.extend(matches.filter_map(Result::ok).filter(|path| path.is_file()));
+    for found in matches {
+        let path = found.map_err(|error| {
+            let problem = format!("cannot be read: {}", error.error());
+            LasError::new(error.path(), problem)
+        })?;
+        if is_file(&path)? {
+            files.push(path);
+        }
+    }
     Ok(())
+}
+
+/// Whether there is a file at `path`. One that cannot be looked at is not left out
+/// without a word.
+fn is_file(path: &Path) -> Result<bool, LasError> {
+    match std::fs::metadata(path) {
+        Ok(metadata) => Ok(metadata.is_file()),
+        // A link to nowhere.
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(false),
+        Err(error) => Err(LasError::new(path, format!("cannot be read: {error}"))),
+    }
 }
 
 #[cfg(test)]

@@ -293,12 +293,22 @@ fn inputs(report: &Report) -> String {
             thousands(input.read),
             thousands(input.rejected),
             thousands(input.outside),
+            match &input.left_out {
+                Some(reason) => format!("left out: {reason}"),
+                None if input.rejected + input.outside > 0 => "look".to_owned(),
+                None => "whole".to_owned(),
+            },
         ]
     });
-    table(
-        &["file", "claimed", "read", "rejected", "outside its bounds"],
-        rows,
-    )
+    let names = [
+        "file",
+        "claimed",
+        "read",
+        "rejected",
+        "outside its bounds",
+        "verdict",
+    ];
+    table(&names, rows)
 }
 
 fn notes(report: &Report) -> String {
