@@ -34,6 +34,7 @@ const VARIABLE: u64 = 0xffff_ffff;
 const ITEM_COUNT: usize = 32;
 /// The compression without chunks, of old.
 const ONE_STREAM: u16 = 1;
+
 /// The public header block, after a look at whether the file can hold what it
 /// announces: the reader of records would allocate and loop by it.
 pub(super) fn read_header(path: &Path, bytes: u64) -> Result<raw::Header, LasError> {

@@ -188,7 +188,8 @@ impl Job {
         for note in &survey.notes {
             progress.note(note);
         }
-        let identity = self.identity(&survey);
+        let inputs = InputStamps::of(&survey);
+        let identity = self.identity(&inputs);
         let directory = JobDirectory::open(&self.dir, identity, self.restart)?;
         if directory.has_delivered(&self.output) {
             if !self.keep {
@@ -202,7 +203,6 @@ impl Job {
             return Err(LasError::new(&self.output, problem).into());
         }
         clock.stop("survey");
-        let inputs = InputStamps::of(&survey);
         let prepared = self.prepare_in(&directory, survey, &budget, progress, cancel, clock);
         let prepared = prepared.and_then(|prepared| inputs.check().map(|()| prepared));
         match prepared {
@@ -259,7 +259,7 @@ impl Job {
 
     /// What makes this job this job: inputs as they are now, and what decides
     /// the result. Memory and threads do not.
-    fn identity(&self, survey: &Survey) -> serde_json::Value {
+    fn identity(&self, inputs: &InputStamps) -> serde_json::Value {
         let settings = Settings {
             memory: None,
             threads: 1,
@@ -267,7 +267,7 @@ impl Job {
         };
         serde_json::json!({
             "version": env!("CARGO_PKG_VERSION"),
-            "inputs": InputStamps::of(survey).by_name(),
+            "inputs": inputs.by_name(),
             "settings": settings,
         })
     }

@@ -237,6 +237,14 @@ mod tests {
         found
     }
 
+    /// The twin: every record looked at.
+    fn filtered(records: &[Vec<u8>], rect: &Rect) -> Vec<Vec<u8>> {
+        let is_inside = |record: &&Vec<u8>| rect.contains(Stored::of_record(record));
+        let mut found: Vec<Vec<u8>> = records.iter().filter(is_inside).cloned().collect();
+        found.sort();
+        found
+    }
+
     #[test]
     fn a_gather_matches_a_filter_of_all_points() {
         let all = records(20_000, 5000);
@@ -249,13 +257,7 @@ mod tests {
                     min: [c(0), c(1)],
                     max: [c(0) + c(2).abs(), c(1) + c(3).abs()],
                 };
-                let mut truth: Vec<Vec<u8>> = all
-                    .iter()
-                    .filter(|r| rect.contains(Stored::of_record(r)))
-                    .cloned()
-                    .collect();
-                truth.sort();
-                assert_eq!(gathered(&spill, &rect), truth);
+                assert_eq!(gathered(&spill, &rect), filtered(&all, &rect));
             }
         }
     }
@@ -358,13 +360,7 @@ mod tests {
                     min: [-300_000_000, 0],
                     max: [100_000_000, 700_000_000],
                 };
-                let mut truth: Vec<Vec<u8>> = records
-                    .iter()
-                    .filter(|r| rect.contains(Stored::of_record(r)))
-                    .cloned()
-                    .collect();
-                truth.sort();
-                assert_eq!(gathered(&spill, &rect), truth);
+                assert_eq!(gathered(&spill, &rect), filtered(records, &rect));
                 let counted: u64 = spill.squares().map(|(_, count)| count).sum();
                 assert_eq!(counted, 30_000);
                 spill.grid().edge()

@@ -87,19 +87,8 @@ impl Pack {
     ///
     /// [`TileError::Io`] if that cannot be.
     pub fn create(path: &Path) -> Result<Self, TileError> {
-        let file = File::options()
-            .create(true)
-            .truncate(true)
-            .read(true)
-            .write(true)
-            .open(path)
-            .map_err(|source| TileError::io("create", path, source))?;
-        Ok(Self {
-            path: path.to_owned(),
-            file,
-            blocks: HashMap::new(),
-            end: 0,
-        })
+        File::create(path).map_err(|source| TileError::io("create", path, source))?;
+        Self::open(path)
     }
 
     /// Whether there is a block with this key.
