@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use lloydar::{
     config::{Choices, Count},
     geometry::Lattice,
-    las::{CloudHeader, CloudWriter, Format, RecordFormat},
+    las::{CloudHeader, CloudWriter, Format, RecordFormat, Workspace},
     pipeline::{Job, JobError, default_directory},
     simulate::{SimulatedPoint, Street, StreetOptions},
 };
@@ -138,10 +138,16 @@ fn write_street(street: &Street, passes: u32, dir: &Path) -> Result<Vec<(PathBuf
         has_standard_time: false,
         provenance: "simulated".to_owned(),
     };
+    let workspace = Workspace {
+        spacing: header.lattice.scale,
+        stem: dir.join("sorting"),
+        buffer_bytes: 0,
+        sort_bytes: 0,
+    };
     (0..passes)
         .map(|pass| {
             let path = dir.join(format!("pass-{}.laz", pass + 1));
-            let mut writer = CloudWriter::create(&path, Format::Laz, &header)?;
+            let mut writer = CloudWriter::create(&path, Format::Laz, &header, &workspace)?;
             let slices = street.slices(pass);
             for first in (0..slices).step_by(SLICES_AT_ONCE as usize) {
                 let batch: Vec<Vec<u8>> = (first..slices.min(first + SLICES_AT_ONCE))
@@ -158,7 +164,7 @@ fn write_street(street: &Street, passes: u32, dir: &Path) -> Result<Vec<(PathBuf
                     writer.write(&records)?;
                 }
             }
-            let cloud = writer.complete()?;
+            let cloud = writer.complete(&|_| {})?;
             let points = cloud.points();
             cloud.deliver()?;
             Ok((path, points))

@@ -5,15 +5,18 @@
 //! run's one lattice, the moment they are decoded; from there on a record is
 //! copied whole, so that no attribute can be lost on the way.
 
+mod copc;
 mod crs;
 mod guard;
 mod header;
 mod inputs;
+mod octree;
 mod ply;
 mod reading;
 mod record;
 mod writing;
 
+pub use copc::Workspace;
 pub use crs::Crs;
 pub use guard::is_decoding;
 pub use inputs::expand_inputs;

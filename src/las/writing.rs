@@ -1,6 +1,6 @@
 //! From records to a file, complete under its name or not there at all.
 //!
-//! LAS and LAZ are version 1.4 with the run's format; PLY is binary, little
+//! LAS, LAZ and COPC are version 1.4 with the run's format; PLY is binary, little
 //! endian, with the attributes that its readers know.
 
 use std::{
@@ -15,8 +15,14 @@ use ::las::{
     point::Format as PointFormat,
 };
 
-use super::{Crs, LasError, RecordFormat};
-use crate::geometry::{Lattice, Stored};
+use super::{
+    Crs, LasError, RecordFormat, Workspace,
+    copc::{first_records, write_octree},
+};
+use crate::{
+    geometry::{Lattice, Stored},
+    tile::{CellGrid, SpillWriter},
+};
 
 /// What is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,6 +31,8 @@ pub enum Format {
     Las,
     /// Compressed LAS.
     Laz,
+    /// Compressed LAS as an octree, for viewers to read from afar.
+    Copc,
     /// Polygon file format, points only.
     Ply,
 }
@@ -41,16 +49,16 @@ impl Format {
             .map(|name| name.to_string_lossy().to_ascii_lowercase())
             .unwrap_or_default();
         if name.ends_with(".copc.laz") {
-            return Err(LasError::new(
-                path,
-                "COPC is not written yet; name the output .laz, .las or .ply",
-            ));
+            return Ok(Self::Copc);
         }
         match path.extension().map(|e| e.to_ascii_lowercase()) {
             Some(e) if e == "las" => Ok(Self::Las),
             Some(e) if e == "laz" => Ok(Self::Laz),
             Some(e) if e == "ply" => Ok(Self::Ply),
-            _ => Err(LasError::new(path, "name the output .laz, .las or .ply")),
+            _ => Err(LasError::new(
+                path,
+                "name the output .copc.laz, .laz, .las or .ply",
+            )),
         }
     }
 }
@@ -95,6 +103,14 @@ enum Body {
         header: CloudHeader,
         count_at: u64,
     },
+    Copc {
+        file: File,
+        header: CloudHeader,
+        workspace: Workspace,
+        spill: SpillWriter,
+    },
+    /// Nothing any more: its file is complete.
+    Complete,
 }
 
 /// Where the LAS 1.4 header keeps the counts of older readers: the number of
@@ -102,6 +118,11 @@ enum Body {
 const LEGACY_COUNTS: (u64, usize) = (107, 24);
 /// Where it keeps the bounds: most and least x, y, z.
 const BOUNDS: u64 = 179;
+/// Where it says where extended records begin, how many there are, how many points, and
+/// how many by return.
+const EXTENDED: u64 = 235;
+/// Edge of the cells by which the points of an octree are sorted first, in spacings.
+const OCTREE_CELL: f64 = 512.0;
 
 impl CloudWriter {
     /// Begins the cloud at `path`, under another name in the same directory.
@@ -109,7 +130,12 @@ impl CloudWriter {
     /// # Errors
     ///
     /// If no file can be made there.
-    pub fn create(path: &Path, format: Format, header: &CloudHeader) -> Result<Self, LasError> {
+    pub fn create(
+        path: &Path,
+        format: Format,
+        header: &CloudHeader,
+        workspace: &Workspace,
+    ) -> Result<Self, LasError> {
         let wrong =
             |e: &dyn std::fmt::Display| LasError::new(path, format!("cannot be written: {e}"));
         let mut name = std::ffi::OsString::from(".");
@@ -118,12 +144,28 @@ impl CloudWriter {
         let part = path.with_file_name(name);
         let file = File::create(&part).map_err(|e| wrong(&e))?;
         let failure = Failure::default();
-        let mut sink = Sink {
+        let sink = |file| Sink {
             file: BufWriter::with_capacity(1 << 20, file),
             failure: failure.clone(),
         };
         let body = match format {
+            Format::Copc => {
+                let edge = header.lattice.units(OCTREE_CELL * workspace.spacing);
+                Body::Copc {
+                    file,
+                    header: header.clone(),
+                    workspace: workspace.clone(),
+                    spill: SpillWriter::create(
+                        &workspace.stem,
+                        CellGrid::new(edge),
+                        header.record.record_length(),
+                        workspace.buffer_bytes,
+                    )
+                    .map_err(|e| wrong(&e))?,
+                }
+            }
             Format::Ply => {
+                let mut sink = sink(file);
                 let (text, count_at) = ply_header(header);
                 sink.write_all(text.as_bytes()).map_err(|e| wrong(&e))?;
                 Body::Ply {
@@ -133,7 +175,8 @@ impl CloudWriter {
                 }
             }
             Format::Las | Format::Laz => {
-                let las = las_header(header, format == Format::Laz).map_err(|e| wrong(&e))?;
+                let sink = sink(file);
+                let las = las_header(header, format).map_err(|e| wrong(&e))?;
                 let (format, transforms) = (*las.point_format(), *las.transforms());
                 Body::Las {
                     writer: Box::new(Writer::new(sink, las).map_err(|e| wrong(&e))?),
@@ -196,49 +239,91 @@ impl CloudWriter {
                 sink.write_all(&out)
                     .map_err(|e| LasError::new(&self.path, format!("cannot be written: {e}")))?;
             }
+            Body::Copc { spill, header, .. } => {
+                spill
+                    .push(records)
+                    .map_err(|e| LasError::new(&self.path, format!("cannot be written: {e}")))?;
+                self.points += (records.len() / header.record.record_length()) as u64;
+            }
+            Body::Complete => {}
         }
         self.check()
     }
 
-    /// Completes the file, but for its name.
+    /// Completes the file, but for its name. `progress` hears of how many points have
+    /// found their place in the octree, if it is one.
     ///
     /// # Errors
     ///
     /// If it cannot be completed; nothing is left of it then.
-    pub fn complete(mut self) -> Result<CompleteCloud, LasError> {
-        let wrong = |e: &dyn std::fmt::Display| {
-            LasError::new(&self.path, format!("cannot be written: {e}"))
-        };
-        match &mut self.body {
-            Body::Las { writer, .. } => writer.close().map_err(|e| wrong(&e))?,
-            Body::Ply { sink, count_at, .. } => sink
-                .seek(SeekFrom::Start(*count_at))
-                .and_then(|_| sink.write_all(format!("{:<20}", self.points).as_bytes()))
-                .and_then(|()| sink.flush())
-                .map_err(|e| wrong(&e))?,
-        }
-        let mut amended_bounds = None;
-        if let Body::Las {
-            writer,
-            lattice,
-            bounds,
-            ..
-        } = &mut self.body
-        {
-            // `close` leaves the last bytes in the buffer of the sink, which
-            // goes to the file when the writer is dropped.
-            let spare = spare_writer().map_err(|e| wrong(&e))?;
-            drop(std::mem::replace(writer, spare));
-            amended_bounds = Some(header_bounds(lattice, bounds, self.points));
+    pub fn complete(mut self, progress: &dyn Fn(u64)) -> Result<CompleteCloud, LasError> {
+        let path = self.path.clone();
+        let wrong =
+            |e: &dyn std::fmt::Display| LasError::new(&path, format!("cannot be written: {e}"));
+        let points = self.points;
+        // What the header is to say in the end.
+        let mut amendments: Vec<(u64, Vec<u8>)> = Vec::new();
+        match std::mem::replace(&mut self.body, Body::Complete) {
+            Body::Las {
+                mut writer,
+                lattice,
+                bounds,
+                ..
+            } => {
+                writer.close().map_err(|e| wrong(&e))?;
+                // `close` leaves the last bytes in the buffer of the sink, which
+                // goes to the file when the writer is dropped.
+                drop(writer);
+                amendments.push((LEGACY_COUNTS.0, vec![0; LEGACY_COUNTS.1]));
+                amendments.push((BOUNDS, header_bounds(&lattice, &bounds, points)));
+            }
+            Body::Ply {
+                mut sink, count_at, ..
+            } => {
+                amendments.push((count_at, format!("{points:<20}").into_bytes()));
+                sink.flush().map_err(|e| wrong(&e))?;
+            }
+            Body::Copc {
+                file,
+                header,
+                workspace,
+                spill,
+            } => {
+                let spill = spill.finish().map_err(|e| wrong(&e))?;
+                let las = las_header(&header, Format::Copc).map_err(|e| wrong(&e))?;
+                let mut file = BufWriter::with_capacity(1 << 20, file);
+                las.write_to(&mut file).map_err(|e| wrong(&e))?;
+                let record = &header.record;
+                let (mut file, table_at) = write_octree(
+                    &spill,
+                    &header.lattice,
+                    header.lattice.units(workspace.spacing),
+                    record,
+                    workspace.sort_bytes,
+                    file,
+                    progress,
+                )
+                .map_err(|e| wrong(&e))?;
+                file.flush().map_err(|e| wrong(&e))?;
+                let bounds = spill.bounds();
+                let bounds = [bounds.min, bounds.max];
+                amendments.push((BOUNDS, header_bounds(&header.lattice, &bounds, points)));
+                // One extended record; all points are first returns.
+                let mut counts = table_at.to_le_bytes().to_vec();
+                counts.extend(1_u32.to_le_bytes());
+                counts.extend(points.to_le_bytes());
+                counts.extend(points.to_le_bytes());
+                amendments.push((EXTENDED, counts));
+                spill.remove();
+            }
+            Body::Complete => {}
         }
         self.check()?;
         let file = File::options().write(true).open(&self.part);
         let complete = file.and_then(|mut file| {
-            if let Some(bounds) = amended_bounds {
-                file.seek(SeekFrom::Start(LEGACY_COUNTS.0))?;
-                file.write_all(&vec![0; LEGACY_COUNTS.1])?;
-                file.seek(SeekFrom::Start(BOUNDS))?;
-                file.write_all(&bounds)?;
+            for (at, bytes) in amendments {
+                file.seek(SeekFrom::Start(at))?;
+                file.write_all(&bytes)?;
             }
             file.sync_all()?;
             Ok(file.metadata()?.len())
@@ -339,24 +424,10 @@ fn header_bounds(lattice: &Lattice, bounds: &[[i32; 3]; 2], points: u64) -> Vec<
         .collect()
 }
 
-/// A writer into nothing, to stand in for one that is taken away.
-fn spare_writer() -> ::las::Result<Box<Writer<Sink>>> {
-    let null = File::options()
-        .write(true)
-        .open(if cfg!(windows) { "NUL" } else { "/dev/null" })?;
-    let failure = Failure::default();
-    failure.stop();
-    let sink = Sink {
-        file: BufWriter::new(null),
-        failure,
-    };
-    Writer::new(sink, ::las::Header::default()).map(Box::new)
-}
-
-fn las_header(header: &CloudHeader, compressed: bool) -> ::las::Result<::las::Header> {
+fn las_header(header: &CloudHeader, written: Format) -> ::las::Result<::las::Header> {
     let mut builder = Builder::from(Version::new(1, 4));
     let mut format = PointFormat::new(header.record.point_format)?;
-    format.is_compressed = compressed;
+    format.is_compressed = written != Format::Las;
     format.extra_bytes = u16::try_from(header.record.extra_length())?;
     builder.point_format = format;
     builder.system_identifier = "MODIFICATION".to_owned();
@@ -377,7 +448,12 @@ fn las_header(header: &CloudHeader, compressed: bool) -> ::las::Result<::las::He
         z: transform(2),
     };
     builder.has_wkt_crs = true;
-    builder.vlrs = header.crs.as_ref().map(Crs::vlrs).unwrap_or_default();
+    if written == Format::Copc {
+        builder.vlrs = first_records(header.record.point_format, format.extra_bytes)?.into();
+    }
+    builder
+        .vlrs
+        .extend(header.crs.as_ref().map(Crs::vlrs).unwrap_or_default());
     let descriptors: Vec<u8> = header
         .record
         .extra_bytes

@@ -23,7 +23,7 @@ use super::{
 };
 use crate::{
     config::Settings,
-    las::{CloudHeader, CloudWriter, CompleteCloud, Format, LasError},
+    las::{CloudHeader, CloudWriter, CompleteCloud, Format, LasError, Workspace},
     lloyd::Options,
     tile::{Spill, Tile, TileError},
 };
@@ -305,7 +305,7 @@ impl Job {
                 bytes: (survey.points_claimed().saturating_mul(record_length)).saturating_sub(held),
             }])?;
             let skip = self.skip_bad_files;
-            match scatter_inputs(&survey, dir, budget, skip, progress, cancel) {
+            match scatter_inputs(&survey, &dir.join("spill"), budget, skip, progress, cancel) {
                 Err(JobError::BadFiles(bad)) if skip => {
                     // Some of their points are spilled already: once more, without.
                     for bad in &bad {
@@ -416,7 +416,14 @@ impl Job {
             has_standard_time: running.survey.has_standard_time,
             provenance: self.provenance(running),
         };
-        let mut writer = CloudWriter::create(&self.output, format, &header)?;
+        let budget = Budget::new(self.settings.memory, self.settings.threads);
+        let workspace = Workspace {
+            spacing,
+            stem: running.directory.path().join("octree"),
+            buffer_bytes: budget.buffers(),
+            sort_bytes: budget.tile() as usize / 2,
+        };
+        let mut writer = CloudWriter::create(&self.output, format, &header, &workspace)?;
         let (stitched, by_tile) = writing::write(
             plan,
             &settled,
@@ -427,10 +434,17 @@ impl Job {
             &mut writer,
             progress,
         )?;
-        let cloud = writer.complete()?;
-        let points = cloud.points();
         progress.end();
         clock.stop("write");
+        if format == Format::Copc {
+            progress.begin("octree", running.plan.points_out, 0, Unit::Points);
+        }
+        let cloud = writer.complete(&|points| progress.advance(points))?;
+        let points = cloud.points();
+        if format == Format::Copc {
+            progress.end();
+            clock.stop("octree");
+        }
         let sites: u64 = tiles.iter().map(|tile| tile.sites).sum();
         if points != sites {
             return Err(JobError::Refused(format!(

@@ -294,15 +294,16 @@ fn measure_in(files: &[(Mark, File)], dir: &Path, budget: &Budget) -> Result<Mea
         extent.max(max[0] - min[0]).max(max[1] - min[1])
     });
     let grid = CellGrid::for_extent((extent / lattice.scale) as i64, 64);
+    let stem = &dir.join("spill");
     scatter(
         sources,
         grid,
-        dir,
+        stem,
         options,
         &|_| {},
         &AtomicBool::new(false),
     )?;
-    let spill = Spill::open(dir)?;
+    let spill = Spill::open(stem)?;
     let parts = |halo: f64| {
         let options = PlanOptions {
             halo: lattice.units(halo),

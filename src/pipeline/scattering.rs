@@ -41,7 +41,7 @@ impl Source for PointStream {
     }
 }
 
-/// Brings all inputs to the spill in `dir`, from where an earlier run left it; if
+/// Brings all inputs to the spill at `stem`, from where an earlier run left it; if
 /// `keep_going`, all files that fail are named, not only the first.
 ///
 /// # Errors
@@ -49,14 +49,14 @@ impl Source for PointStream {
 /// [`JobError::BadFiles`] if files cannot be read to their end.
 pub(super) fn scatter_inputs(
     survey: &Survey,
-    dir: &Path,
+    stem: &Path,
     budget: &Budget,
     keep_going: bool,
     progress: &dyn Progress,
     cancel: &AtomicBool,
 ) -> Result<Spill, JobError> {
     let parts = parts(survey);
-    if !Spill::is_complete(dir) {
+    if !Spill::is_complete(stem) {
         progress.begin("scatter", survey.points_claimed(), 0, Unit::Points);
         let sources = parts
             .iter()
@@ -82,7 +82,7 @@ pub(super) fn scatter_inputs(
         scatter(
             sources,
             grid,
-            dir,
+            stem,
             options,
             &|n| progress.advance(n),
             cancel,
@@ -93,7 +93,7 @@ pub(super) fn scatter_inputs(
         })?;
         progress.end();
     }
-    let spill = Spill::open(dir)?;
+    let spill = Spill::open(stem)?;
     // Conservation: what was read is what was spilled, or rejected.
     let kept: u64 = spill.sources().map(|c| c.read - c.rejected).sum();
     if kept != spill.points() || spill.sources().count() != parts.len() {

@@ -199,7 +199,7 @@ mod tests {
         scatter(
             sources,
             CellGrid::new(edge),
-            dir,
+            &dir.join("spill"),
             options,
             &progress,
             &cancel,
@@ -223,7 +223,7 @@ mod tests {
     fn spilled(records: &[Vec<u8>], edge: i64, threads: usize, dir: &std::path::Path) -> Spill {
         let options = ScatterOptions { threads, ..OPTIONS };
         try_scatter(records, edge, options, usize::MAX, dir).unwrap();
-        let spill = Spill::open(dir).unwrap();
+        let spill = Spill::open(&dir.join("spill")).unwrap();
         assert_eq!(spill.points(), records.len() as u64);
         spill
     }
@@ -284,14 +284,18 @@ mod tests {
             let mut bad = good.clone();
             bad[at] ^= 1;
             std::fs::write(&index, bad).unwrap();
-            let error = Spill::open(dir.path()).unwrap_err().to_string();
+            let error = Spill::open(&dir.path().join("spill"))
+                .unwrap_err()
+                .to_string();
             assert!(error.contains("spill.index"), "{error}");
         }
         std::fs::write(&index, &good).unwrap();
         let bin = dir.path().join("spill.bin");
         let cut = std::fs::read(&bin).unwrap();
         std::fs::write(&bin, &cut[..cut.len() - 1]).unwrap();
-        let error = Spill::open(dir.path()).unwrap_err().to_string();
+        let error = Spill::open(&dir.path().join("spill"))
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("spill.bin"), "{error}");
     }
 
@@ -317,12 +321,12 @@ mod tests {
         // A try that fails where it may, and one that goes on from there.
         let error = try_scatter(&all, 300, options, 15, dir.path()).unwrap_err();
         assert!(error.to_string().contains("dried up"), "{error}");
-        assert!(!Spill::is_complete(dir.path()));
+        assert!(!Spill::is_complete(&dir.path().join("spill")));
         let before = try_scatter(&all, 300, options, usize::MAX, dir.path()).unwrap();
         assert!(before >= 2500, "{before} points were kept");
         let mut truth = all.clone();
         truth.sort();
-        let spill = Spill::open(dir.path()).unwrap();
+        let spill = Spill::open(&dir.path().join("spill")).unwrap();
         assert_eq!(gathered(&spill, &everywhere), truth);
         let read: Vec<u64> = spill.sources().map(|counts| counts.read).collect();
         assert_eq!(read, [4001, 4001, 4001, 4001, 3996]);

@@ -24,7 +24,8 @@ const MOST_CELLS: usize = 8192;
 
 /// The one owner of the buffers and of the file.
 pub(super) struct Growing {
-    dir: PathBuf,
+    /// Its files, without their endings.
+    stem: PathBuf,
     path: PathBuf,
     file: File,
     grid: CellGrid,
@@ -42,19 +43,19 @@ pub(super) struct Growing {
 }
 
 impl Growing {
-    /// The spill in `dir` as the last checkpoint left it, or a new one.
+    /// The spill at `stem` as the last checkpoint left it, or a new one.
     ///
     /// # Errors
     ///
     /// [`TileError::Io`] if its file cannot be made.
     pub(super) fn open(
-        dir: &Path,
+        stem: &Path,
         grid: CellGrid,
         options: &ScatterOptions,
         sources: usize,
     ) -> Result<Self, TileError> {
-        let path = spill_path(dir);
-        let index = checkpoint(dir, options, sources).unwrap_or_else(|| Index {
+        let path = spill_path(stem);
+        let index = checkpoint(stem, options, sources).unwrap_or_else(|| Index {
             grid,
             record_length: options.record_length,
             bytes: 0,
@@ -76,7 +77,7 @@ impl Growing {
         };
         let file = open().map_err(|source| TileError::io("create", &path, source))?;
         Ok(Self {
-            dir: dir.to_owned(),
+            stem: stem.to_owned(),
             file,
             grid: index.grid,
             options: *options,
@@ -135,7 +136,7 @@ impl Growing {
         self.since_checkpoint += batch.records.len() as u64;
         if self.since_checkpoint >= self.options.checkpoint_bytes {
             self.flush_all()?;
-            self.index().write(&checkpoint_path(&self.dir))?;
+            self.index().write(&checkpoint_path(&self.stem))?;
             self.since_checkpoint = 0;
         }
         Ok(())
@@ -251,17 +252,17 @@ impl Growing {
     /// Completes the spill.
     pub(super) fn finish(mut self) -> Result<(), TileError> {
         self.flush_all()?;
-        self.index().write(&index_path(&self.dir))?;
-        drop(fs::remove_file(checkpoint_path(&self.dir)));
+        self.index().write(&index_path(&self.stem))?;
+        drop(fs::remove_file(checkpoint_path(&self.stem)));
         Ok(())
     }
 }
 
-/// The last checkpoint in `dir`, if it is of such a scatter and what it speaks of is
+/// The last checkpoint at `stem`, if it is of such a scatter and what it speaks of is
 /// there.
-fn checkpoint(dir: &Path, options: &ScatterOptions, sources: usize) -> Option<Index> {
-    let index = Index::read(&checkpoint_path(dir)).ok()??;
-    let held = fs::metadata(spill_path(dir)).ok()?.len();
+fn checkpoint(stem: &Path, options: &ScatterOptions, sources: usize) -> Option<Index> {
+    let index = Index::read(&checkpoint_path(stem)).ok()??;
+    let held = fs::metadata(spill_path(stem)).ok()?.len();
     let is_same = index.record_length == options.record_length && index.sources.len() == sources;
     (is_same && held >= index.bytes).then_some(index)
 }

@@ -19,6 +19,7 @@ mod plan;
 mod scatter;
 mod solved;
 mod spill;
+mod spilling;
 mod stitch;
 mod whole;
 
@@ -28,6 +29,7 @@ pub use plan::{Plan, PlanOptions, Square, Tile};
 pub use scatter::{Opener, ScatterOptions, Source, SourceError, scatter};
 pub use solved::{SolvedSite, SolvedTile};
 pub use spill::{Bounds, SourceProgress, Spill};
+pub use spilling::SpillWriter;
 pub use stitch::{Guest, SeamTally, blend};
 pub use whole::{read_whole, write_whole};
 

@@ -84,7 +84,7 @@ enum Message {
 }
 
 /// Scatters `sources` over the cells of `grid`, or a coarser one if those are too
-/// many, into the directory `dir`; goes on from a checkpoint of the same sources.
+/// many, to the spill at `stem`; goes on from a checkpoint of the same sources.
 ///
 /// `progress` hears of points as they are taken in. The index is written last,
 /// aside and renamed: its presence says that the spill is complete.
@@ -96,12 +96,12 @@ enum Message {
 pub fn scatter(
     sources: Vec<Opener<'_>>,
     grid: CellGrid,
-    dir: &Path,
+    stem: &Path,
     options: ScatterOptions,
     progress: &(dyn Fn(u64) + Sync),
     cancel: &AtomicBool,
 ) -> Result<(), TileError> {
-    let mut growing = Growing::open(dir, grid, &options, sources.len())?;
+    let mut growing = Growing::open(stem, grid, &options, sources.len())?;
     let before = growing.sources().to_vec();
     progress(before.iter().map(|source| source.counts.read).sum());
     let missing: Vec<(usize, u64, Opener<'_>)> = (0..)
@@ -206,7 +206,7 @@ fn decode(
     }
 }
 
-fn sorted_by_cell(
+pub(super) fn sorted_by_cell(
     source: usize,
     counts: PointCounts,
     records: &[u8],

@@ -1,7 +1,7 @@
 //! The spill: every point of the input, by cell, and the index that finds them.
 //!
-//! `spill.bin` is records and nothing else. `spill.index` is written once it is
-//! complete, `spill.checkpoint` in the same form while it grows:
+//! `.bin` is records and nothing else. `.index` is written once it is complete,
+//! `.checkpoint` in the same form while it grows:
 //!
 //! ```text
 //!   magic, edge, record length, bytes                   4 × u64
@@ -83,16 +83,16 @@ pub(super) struct Index {
     pub(super) sources: Vec<SourceProgress>,
 }
 
-pub(super) fn spill_path(dir: &Path) -> PathBuf {
-    dir.join("spill.bin")
+pub(super) fn spill_path(stem: &Path) -> PathBuf {
+    stem.with_extension("bin")
 }
 
-pub(super) fn index_path(dir: &Path) -> PathBuf {
-    dir.join("spill.index")
+pub(super) fn index_path(stem: &Path) -> PathBuf {
+    stem.with_extension("index")
 }
 
-pub(super) fn checkpoint_path(dir: &Path) -> PathBuf {
-    dir.join("spill.checkpoint")
+pub(super) fn checkpoint_path(stem: &Path) -> PathBuf {
+    stem.with_extension("checkpoint")
 }
 
 /// A complete spill.
@@ -104,21 +104,22 @@ pub struct Spill {
 }
 
 impl Spill {
-    /// Whether the directory `dir` holds a complete spill.
-    pub fn is_complete(dir: &Path) -> bool {
-        index_path(dir).exists()
+    /// Whether there is a complete spill at `stem`: the path of its files, without
+    /// their endings.
+    pub fn is_complete(stem: &Path) -> bool {
+        index_path(stem).exists()
     }
 
-    /// Opens the spill in `dir`.
+    /// Opens the spill at `stem`.
     ///
     /// # Errors
     ///
     /// [`TileError::Io`] if it cannot be read, [`TileError::Damaged`] if index
     /// and records are not what was written.
-    pub fn open(dir: &Path) -> Result<Self, TileError> {
-        let index_path = index_path(dir);
+    pub fn open(stem: &Path) -> Result<Self, TileError> {
+        let index_path = index_path(stem);
         let index = Index::read(&index_path)?.ok_or_else(|| TileError::damaged(&index_path))?;
-        let path = spill_path(dir);
+        let path = spill_path(stem);
         let length = std::fs::metadata(&path)
             .map_err(|source| TileError::io("read", &path, source))?
             .len();
@@ -135,6 +136,12 @@ impl Spill {
             index,
             points,
         })
+    }
+
+    /// Removes its files; what cannot be removed stays.
+    pub fn remove(self) {
+        drop(std::fs::remove_file(self.path.with_extension("index")));
+        drop(std::fs::remove_file(&self.path));
     }
 
     /// Number of points.

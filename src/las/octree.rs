@@ -1,0 +1,293 @@
+//! Which point goes to which node of an octree, whatever the order of the points.
+//!
+//! A node at level *l* is a cube, cut into equal voxels along its edges; both are half
+//! as wide at the next level. Of the points of a voxel one stands for all: the one with
+//! the highest priority, a hash of its place. A point belongs to the first level at
+//! which it is the one of its voxel. So every level is a choice of the cloud, twice as
+//! dense along an edge as the one before, and the choice of a voxel needs no more than
+//! the points in it.
+
+use crate::{
+    geometry::{Rect, Stored, spread},
+    tile::Bounds,
+};
+
+/// Bits of a voxel's number along an axis, at the finest level: three of them are a key.
+const MOST_BITS: u32 = 21;
+
+/// A node: its level, and its place among the nodes of the level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(super) struct NodeKey {
+    pub(super) level: u32,
+    pub(super) place: [u32; 3],
+}
+
+impl NodeKey {
+    /// The node that this one is a child of; `None` of the root.
+    pub(super) fn parent(self) -> Option<Self> {
+        Some(Self {
+            level: self.level.checked_sub(1)?,
+            place: self.place.map(|c| c >> 1),
+        })
+    }
+}
+
+/// A cube of stored units, its levels, nodes and voxels. It is no larger than it has to
+/// be: some readers take the header's bounds for it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Octree {
+    /// The least coordinates in it.
+    corner: [i64; 3],
+    /// Its edge: nodes and voxels are its halves, quarters and so on.
+    edge: i64,
+    /// The deepest level.
+    deepest: u32,
+    /// Voxels along the edge of a node are two to the power of this.
+    voxel_bits: u32,
+}
+
+impl Octree {
+    /// An octree around `bounds`, whose deepest level has voxels no wider than the
+    /// `spacing` of the points (stored units), unless those are too many.
+    pub(super) fn around(bounds: &Bounds, spacing: i64, voxel_bits: u32) -> Self {
+        let edge = bounds.extent().max(1);
+        let most = MOST_BITS - voxel_bits;
+        Self {
+            corner: bounds.min.map(i64::from),
+            edge,
+            deepest: (0..most)
+                .find(|level| edge >> (voxel_bits + level) < spacing)
+                .unwrap_or(most),
+            voxel_bits,
+        }
+    }
+
+    /// Edge of the cube in stored units.
+    pub(super) fn edge(&self) -> i64 {
+        self.edge
+    }
+
+    /// Least coordinates of the cube.
+    pub(super) fn corner(&self) -> [i64; 3] {
+        self.corner
+    }
+
+    /// Width of the voxels of the root, in stored units.
+    pub(super) fn root_spacing(&self) -> f64 {
+        self.edge as f64 / f64::from(1 << self.voxel_bits)
+    }
+
+    /// Levels whose columns hold all of every voxel in them: the choice of points can
+    /// be made column by column.
+    pub(super) fn deepest_column(&self) -> u32 {
+        self.voxel_bits.min(self.deepest)
+    }
+
+    /// Which of two to the power of `bits` equal parts of the cube `c` lies in; its far
+    /// side belongs to the last.
+    fn part(&self, c: i64, axis: usize, bits: u32) -> u32 {
+        let most = (1 << bits) - 1;
+        (((c - self.corner[axis]) << bits).div_euclid(self.edge)).clamp(0, most) as u32
+    }
+
+    /// The column of nodes at `level` that holds the place (`x`, `y`).
+    pub(super) fn column_of(&self, x: i64, y: i64, level: u32) -> [u32; 2] {
+        [self.part(x, 0, level), self.part(y, 1, level)]
+    }
+
+    /// The ground of a column of nodes at `level`.
+    pub(super) fn ground(&self, column: [u32; 2], level: u32) -> Rect {
+        let begin = |axis: usize, part: u32| {
+            // The first unit of the part, behind the far side of the cube for the last.
+            let rounded_up = (i64::from(part) * self.edge + (1 << level) - 1) >> level;
+            self.corner[axis] + rounded_up + i64::from(part == 1 << level)
+        };
+        Rect {
+            min: [begin(0, column[0]), begin(1, column[1])],
+            max: [begin(0, column[0] + 1), begin(1, column[1] + 1)],
+        }
+    }
+
+    /// The voxel of `point` at the deepest level: its place, bits interleaved.
+    pub(super) fn voxel_key(&self, point: Stored) -> u64 {
+        let bits = self.voxel_bits + self.deepest;
+        let place = |c: i32, axis: usize| u64::from(self.part(c.into(), axis, bits));
+        interleaved(place(point.x, 0))
+            | interleaved(place(point.y, 1)) << 1
+            | interleaved(place(point.z, 2)) << 2
+    }
+
+    /// The node at `level` that holds the voxel of `key`.
+    pub(super) fn node(&self, key: u64, level: u32) -> NodeKey {
+        let key = key >> (3 * (self.deepest - level + self.voxel_bits));
+        NodeKey {
+            level,
+            place: [0, 1, 2].map(|axis| collected(key >> axis)),
+        }
+    }
+
+    /// The level of each of `points`, which are sorted by the key of their voxel and
+    /// fill all voxels that they are in.
+    pub(super) fn levels(&self, points: &[(u64, Stored)]) -> Vec<u8> {
+        let mut levels = vec![u8::MAX; points.len()];
+        let mut start = 0;
+        let root = |key: u64| key >> (3 * self.deepest);
+        while let Some(&(key, _)) = points.get(start) {
+            let length = points[start..].partition_point(|&(k, _)| root(k) == root(key));
+            let voxel = start..start + length;
+            self.choose(&points[voxel.clone()], 0, &mut levels[voxel]);
+            start += length;
+        }
+        levels
+    }
+
+    /// Gives the points of a voxel at `level` their levels.
+    fn choose(&self, points: &[(u64, Stored)], level: u32, levels: &mut [u8]) {
+        let best = (0..points.len()).max_by_key(|&i| (priority(points[i].1), points[i].1));
+        if let Some(best) = best {
+            levels[best] = levels[best].min(level as u8);
+        }
+        if level == self.deepest {
+            for unchosen in levels.iter_mut().filter(|l| **l == u8::MAX) {
+                *unchosen = level as u8;
+            }
+            return;
+        }
+        if points.len() < 2 {
+            return;
+        }
+        let child = |key: u64| key >> (3 * (self.deepest - level - 1));
+        let mut start = 0;
+        while start < points.len() {
+            let key = child(points[start].0);
+            let end = start + points[start..].partition_point(|&(k, _)| child(k) == key);
+            self.choose(&points[start..end], level + 1, &mut levels[start..end]);
+            start = end;
+        }
+    }
+}
+
+fn priority(point: Stored) -> u64 {
+    let [x, y, z] = [point.x, point.y, point.z].map(|c| u64::from(c as u32));
+    spread(spread(x << 32 | y) ^ z)
+}
+
+/// The lowest 21 bits of `value`, each followed by two zeros.
+fn interleaved(value: u64) -> u64 {
+    let mut v = value & 0x1f_ffff;
+    v = (v | v << 32) & 0x1f_0000_0000_ffff;
+    v = (v | v << 16) & 0x1f_0000_ff00_00ff;
+    v = (v | v << 8) & 0x100f_00f0_0f00_f00f;
+    v = (v | v << 4) & 0x10c3_0c30_c30c_30c3;
+    (v | v << 2) & 0x1249_2492_4924_9249
+}
+
+/// Every third bit of `value`: what was [`interleaved`].
+fn collected(value: u64) -> u32 {
+    let mut v = value & 0x1249_2492_4924_9249;
+    v = (v | v >> 2) & 0x10c3_0c30_c30c_30c3;
+    v = (v | v >> 4) & 0x100f_00f0_0f00_f00f;
+    v = (v | v >> 8) & 0x1f_0000_ff00_00ff;
+    v = (v | v >> 16) & 0x1f_0000_0000_ffff;
+    ((v | v >> 32) & 0x1f_ffff) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashMap;
+
+    use super::*;
+
+    fn cloud(n: u64) -> Vec<Stored> {
+        let c = |i: u64, k: u64| (spread(3 * i + k) % 4000) as i32 - 1700;
+        (0..n)
+            .map(|i| Stored {
+                x: c(i, 0),
+                y: c(i, 1),
+                z: c(i, 2) / 50,
+            })
+            .collect()
+    }
+
+    fn sorted(octree: &Octree, cloud: &[Stored]) -> Vec<(u64, Stored)> {
+        let mut points: Vec<_> = cloud.iter().map(|&p| (octree.voxel_key(p), p)).collect();
+        points.sort_unstable();
+        points
+    }
+
+    fn around(cloud: &[Stored], spacing: i64, voxel_bits: u32) -> Octree {
+        let all = |of: fn(&Stored) -> i32| cloud.iter().map(of);
+        let axes: [fn(&Stored) -> i32; 3] = [|p| p.x, |p| p.y, |p| p.z];
+        let bounds = Bounds {
+            min: axes.map(|axis| all(axis).min().unwrap()),
+            max: axes.map(|axis| all(axis).max().unwrap()),
+        };
+        Octree::around(&bounds, spacing, voxel_bits)
+    }
+
+    #[test]
+    fn bits_are_found_again() {
+        for i in 0..1000 {
+            let value = spread(i) & 0x1f_ffff;
+            assert_eq!(u64::from(collected(interleaved(value))), value);
+        }
+    }
+
+    /// The twin asks, level by level and voxel by voxel, who is first.
+    #[test]
+    fn a_point_is_of_the_first_level_at_which_it_is_the_one_of_its_voxel() {
+        let cloud = cloud(3000);
+        let octree = around(&cloud, 40, 2);
+        let points = sorted(&octree, &cloud);
+        let levels = octree.levels(&points);
+        for (&(key, point), &level) in points.iter().zip(&levels) {
+            let truth = (0..octree.deepest)
+                .find(|l| {
+                    let voxel = |key: u64| key >> (3 * (octree.deepest - l));
+                    let rivals = points.iter().filter(|&&(k, _)| voxel(k) == voxel(key));
+                    let best = rivals.map(|&(_, p)| p).max_by_key(|&p| (priority(p), p));
+                    best == Some(point)
+                })
+                .unwrap_or(octree.deepest);
+            assert_eq!(u32::from(level), truth);
+        }
+        let mut of_level = HashMap::<u8, usize>::new();
+        for level in levels {
+            *of_level.entry(level).or_default() += 1;
+        }
+        assert!(of_level.len() > 3, "{of_level:?}");
+    }
+
+    #[test]
+    fn a_node_holds_its_points() {
+        let cloud = cloud(2000);
+        let octree = around(&cloud, 30, 3);
+        for (key, point) in sorted(&octree, &cloud) {
+            for level in 0..=octree.deepest {
+                let node = octree.node(key, level);
+                let edge = octree.edge as f64 / f64::from(1 << level);
+                let place = [point.x, point.y, point.z];
+                for axis in 0..3 {
+                    let low = octree.corner[axis] as f64 + f64::from(node.place[axis]) * edge;
+                    assert!((low..=low + edge).contains(&f64::from(place[axis])));
+                }
+                let column = [node.place[0], node.place[1]];
+                assert!(octree.ground(column, level).contains(point));
+                let place = octree.column_of(point.x.into(), point.y.into(), level);
+                assert_eq!(place, column);
+            }
+        }
+    }
+
+    #[test]
+    fn the_widest_cloud_has_keys() {
+        let ends = [i32::MIN, i32::MAX].map(|c| Stored { x: c, y: c, z: c });
+        let octree = around(&ends, 1, 7);
+        for level in [0, octree.deepest] {
+            for end in ends {
+                let node = octree.node(octree.voxel_key(end), level);
+                assert!(node.place.iter().all(|&c| c < 1 << level));
+            }
+        }
+    }
+}
