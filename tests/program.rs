@@ -311,8 +311,8 @@ fn a_ply_holds_every_point() {
         header.contains(&format!("element vertex {count} ")),
         "{header}"
     );
-    // Three doubles, three shorts, a short, a byte, a short, a double.
-    assert_eq!(bytes.len() - end, count * (24 + 6 + 2 + 1 + 2 + 8));
+    // Three doubles, three shorts, a short, three bytes, two shorts, a double.
+    assert_eq!(bytes.len() - end, count * (24 + 6 + 2 + 3 + 4 + 8));
 
     // Measured, the two are one cloud; and as near to the scans as was reported.
     let measure = |cloud: &Path| -> serde_json::Value {

@@ -1,5 +1,6 @@
 //! The commands, and what they print.
 
+mod describing;
 mod printing;
 mod simulating;
 mod terminal;
@@ -11,9 +12,10 @@ use std::{
     time::Duration,
 };
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use lloydar::{
     config::{Bytes, Choices, OnBadFile},
+    las::{InputFile, expand_inputs},
     pipeline::{
         InputCount, Job, JobError, JobPlan, Quiet, default_directory, measure,
         measure_against_surface,
@@ -39,8 +41,9 @@ enum Command {
     Run {
         #[command(flatten)]
         scans: Scans,
-        /// The cloud to write: .laz, .las or .ply
-        #[arg(short, long, value_name = "FILE")]
+        /// The cloud to write: .copc.laz, .laz, .las or .ply, or a directory for
+        /// --output-tiles
+        #[arg(short, long, value_name = "FILE", default_value = "resampled.copc.laz")]
         output: PathBuf,
         /// Forget what an earlier run left in the job directory
         #[arg(long)]
@@ -51,7 +54,7 @@ enum Command {
         #[command(flatten)]
         scans: Scans,
         /// The cloud that would be written
-        #[arg(short, long, value_name = "FILE", default_value = "out.laz")]
+        #[arg(short, long, value_name = "FILE", default_value = "resampled.copc.laz")]
         output: PathBuf,
         /// Print JSON
         #[arg(long)]
@@ -79,7 +82,7 @@ enum Command {
     },
     /// Print what the headers of scans say, and what is odd about them
     Info {
-        /// LAS and LAZ files, directories, patterns
+        /// LAS, LAZ, COPC and PLY files, directories of LAS and LAZ, patterns
         #[arg(required = true, value_name = "INPUT")]
         files: Vec<PathBuf>,
     },
@@ -91,6 +94,21 @@ enum Command {
         #[arg(short, long, value_name = "DIR", default_value = "street")]
         output: PathBuf,
     },
+    /// Print the options of a job as a TOML file, each with where it comes from
+    Config {
+        /// Options from a TOML file; flags win
+        #[arg(long, value_name = "FILE")]
+        config: Option<PathBuf>,
+        #[command(flatten)]
+        choices: Box<Choices>,
+    },
+    /// Print completions for a shell, to be put where it looks for them
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page
+    Man,
     /// Simulate a street, resample it under a small budget, write a report
     Demo {
         /// Directory for everything
@@ -102,7 +120,7 @@ enum Command {
 /// Inputs and options of a job.
 #[derive(clap::Args)]
 struct Scans {
-    /// LAS and LAZ files, directories, patterns
+    /// LAS, LAZ, COPC and PLY files, directories of LAS and LAZ, patterns
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<PathBuf>,
     /// Options from a TOML file; flags win
@@ -172,6 +190,11 @@ fn run(command: Command) -> Result<u8, JobError> {
             json,
         } => measure_cloud(&files, &against, truth.as_deref(), memory, json),
         Command::Info { files } => print_info(&files),
+        Command::Config { config, choices } => {
+            describing::print_config(config.as_deref(), *choices)
+        }
+        Command::Completions { shell } => describing::print_completions(shell),
+        Command::Man => describing::print_manual(),
         Command::Simulate { street, output } => simulating::simulate(&street, &output),
         Command::Demo { output } => simulating::demo(&output),
     }
@@ -184,6 +207,10 @@ fn job(scans: &Scans, output: &Path) -> Result<Job, JobError> {
         None => Choices::default(),
     };
     let choices = scans.choices.clone().or(file);
+    let metres = match choices.has_units() {
+        true => metres_per_unit(&scans.inputs, &choices)?,
+        false => None,
+    };
     Ok(Job {
         inputs: scans.inputs.clone(),
         output: output.to_owned(),
@@ -191,12 +218,26 @@ fn job(scans: &Scans, output: &Path) -> Result<Job, JobError> {
             .job
             .clone()
             .unwrap_or_else(|| default_directory(output)),
-        settings: choices.settings()?,
+        settings: choices.settings(metres)?,
         overwrite: choices.overwrite,
         keep: choices.keep_job,
         skip_bad_files: choices.on_bad_file == Some(OnBadFile::Skip),
         restart: false,
     })
+}
+
+/// Metres to a unit of the CRS that the choices give, or else the first input that states
+/// one.
+fn metres_per_unit(inputs: &[PathBuf], choices: &Choices) -> Result<Option<f64>, JobError> {
+    if let Some(crs) = choices.crs()? {
+        return Ok(crs.metres_per_unit());
+    }
+    // Files that cannot be read are told of later, all together.
+    let files = expand_inputs(inputs)?;
+    let stated = files
+        .iter()
+        .find_map(|path| InputFile::survey(path).ok()?.crs);
+    Ok(stated.and_then(|crs| crs.metres_per_unit()))
 }
 
 fn run_job(scans: &Scans, output: &Path, restart: bool) -> Result<u8, JobError> {
@@ -338,10 +379,10 @@ fn measure_cloud(
 }
 
 fn print_info(files: &[PathBuf]) -> Result<u8, JobError> {
-    let paths = lloydar::las::expand_inputs(files)?;
+    let paths = expand_inputs(files)?;
     let mut code = 0;
     for path in paths {
-        match lloydar::las::InputFile::survey(&path) {
+        match InputFile::survey(&path) {
             Ok(input) => print_input(&input),
             Err(error) => {
                 say!("lloydar: {error}");
@@ -352,9 +393,9 @@ fn print_info(files: &[PathBuf]) -> Result<u8, JobError> {
     Ok(code)
 }
 
-fn print_input(input: &lloydar::las::InputFile) {
+fn print_input(input: &InputFile) {
     let [major, minor] = input.version;
-    let kind = if input.is_compressed() { "LAZ" } else { "LAS" };
+    let kind = input.kind();
     result!("{}", input.path.display());
     result!(
         "  {kind} {major}.{minor}, format {}, {} bytes",

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use lloydar::{
-    config::{Choices, Count},
+    config::{Choices, Count, Length},
     geometry::Lattice,
     las::{CloudHeader, CloudWriter, Format, RecordFormat, Workspace},
     pipeline::{Job, JobError, default_directory},
@@ -98,7 +98,7 @@ pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
         cloud.display()
     );
     let choices = Choices {
-        spacing: Some(0.2),
+        spacing: Some(Length::plain(0.2)),
         memory: Some(lloydar::config::Bytes(256 << 20)),
         ..Choices::default()
     };
@@ -106,7 +106,7 @@ pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
         inputs: vec![scans],
         dir: default_directory(&cloud),
         output: cloud,
-        settings: choices.settings()?,
+        settings: choices.settings(None)?,
         overwrite: true,
         keep: false,
         skip_bad_files: false,
@@ -140,6 +140,7 @@ fn write_street(street: &Street, passes: u32, dir: &Path) -> Result<Vec<(PathBuf
     };
     let workspace = Workspace {
         spacing: header.lattice.scale,
+        tile_edge: 0.0,
         stem: dir.join("sorting"),
         buffer_bytes: 0,
         sort_bytes: 0,

@@ -6,7 +6,7 @@
 
 mod quantity;
 
-pub use quantity::{Bytes, Count, Share};
+pub use quantity::{Bytes, Count, Length, Share, Sides, Unit};
 
 use std::path::{Path, PathBuf};
 
@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     geometry::PatchKind,
+    las::{Crs, Ground, PointFilter},
     lloyd::{Acceleration, Options, Restriction, SeedRule},
 };
 
@@ -22,9 +23,9 @@ use crate::{
 #[derive(Args, Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case", default)]
 pub struct Choices {
-    /// Spacing of the output, in CRS units (metres in practice)
+    /// Spacing of the output: 0.05 (in CRS units), 5cm, 0.2ft
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
-    pub spacing: Option<f64>,
+    pub spacing: Option<Length>,
     /// About how many points to put out: 100K, 2M, 1500000
     #[arg(long, value_name = "N")]
     pub count: Option<Count>,
@@ -57,28 +58,64 @@ pub struct Choices {
     /// quadratic or plane [default: quadratic]
     #[arg(long, value_name = "KIND", value_parser = by_name::<PatchKind>)]
     pub patch: Option<PatchKind>,
-    /// How far from the scan a point may go, in CRS units: the paper's global
-    /// threshold [default: the input's spacing around the point]
+    /// How far from the scan a point may go: the paper's global threshold [default: the input's spacing around the point]
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
-    pub restrict: Option<f64>,
-    /// Radius of the surface fit, in CRS units: larger than the default smooths
+    pub restrict: Option<Length>,
+    /// Radius of the surface fit: larger than the default smooths
     /// noise away first, smaller keeps finer detail [default: 1.2 spacings]
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
-    pub smooth: Option<f64>,
-    /// Widest hole to close, in CRS units; 0 for none [default: 4 spacings, or
+    pub smooth: Option<Length>,
+    /// Widest hole to close; 0 for none [default: 4 spacings, or
     /// of the scan's own where more points are asked for than it has]
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
-    pub fill: Option<f64>,
-    /// Edge of square tiles, in CRS units [default: by points and memory]
+    pub fill: Option<Length>,
+    /// Edge of square tiles [default: by points and memory]
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
-    pub tile_size: Option<f64>,
-    /// What a tile sees around its core, in CRS units [default: by spacing,
-    /// iterations and fit radius]
+    pub tile_size: Option<Length>,
+    /// What a tile sees around its core [default: by spacing, iterations and fit
+    /// radius]
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
-    pub halo: Option<f64>,
+    pub halo: Option<Length>,
     /// Seed of the choice of points
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
+    /// Classes to keep: 2,6 [default: all]
+    #[arg(long, value_name = "CLASSES", value_delimiter = ',')]
+    pub keep_class: Option<Vec<u8>>,
+    /// Classes to leave out: 7,18
+    #[arg(long, value_name = "CLASSES", value_delimiter = ',')]
+    pub drop_class: Option<Vec<u8>>,
+    /// Leave out points that are withheld
+    #[arg(long)]
+    #[serde(skip_serializing_if = "is_false")]
+    pub drop_withheld: bool,
+    /// Keep what lies in a rectangle: xmin,ymin,xmax,ymax
+    #[arg(long, value_name = "SIDES", allow_hyphen_values = true)]
+    pub bounds: Option<Sides>,
+    /// Keep what lies in the polygons of a file: well-known text or GeoJSON, in the CRS
+    /// of the data
+    #[arg(long, value_name = "FILE")]
+    pub polygon: Option<PathBuf>,
+    /// The CRS of all inputs, whatever they say: EPSG:32633, or a file of well-known
+    /// text [default: what they say]
+    #[arg(long, value_name = "CRS")]
+    pub crs: Option<String>,
+    /// Colour, near infrared and intensity: those of the nearest input point, or the mean
+    /// of the points that are nearer to this point than to any other: nearest or mean
+    /// [default: nearest]
+    #[arg(long, value_name = "RULE", value_parser = by_name::<ColorRule>)]
+    pub color: Option<ColorRule>,
+    /// Class: that of the nearest input point, or of most of the points that are nearer
+    /// to this point than to any other: nearest or majority [default: nearest]
+    #[arg(long, value_name = "RULE", value_parser = by_name::<ClassRule>)]
+    pub class: Option<ClassRule>,
+    /// Extra attributes: normals, curvature, area, density, distance
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = by_name::<Computed>)]
+    pub with: Option<Vec<Computed>>,
+    /// Write a directory of square tiles with this edge, and an index, in place of one
+    /// file
+    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
+    pub output_tiles: Option<Length>,
     /// What to do with inputs that cannot be read: stop, or skip them and say so in
     /// the report [default: stop]
     #[arg(long, value_name = "POLICY", value_parser = by_name::<OnBadFile>)]
@@ -98,6 +135,45 @@ pub enum OnBadFile {
     Stop,
     /// It leaves the input out, and says so.
     Skip,
+}
+
+/// What becomes of colour, near infrared and intensity.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ColorRule {
+    /// Those of the nearest input point.
+    #[default]
+    Nearest,
+    /// The mean of the input points in the cell.
+    Mean,
+}
+
+/// What becomes of the class.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ClassRule {
+    /// That of the nearest input point.
+    #[default]
+    Nearest,
+    /// That of most input points in the cell; of equally many the nearest point's if it
+    /// is among them, else the least.
+    Majority,
+}
+
+/// An attribute that the solver knows and the scan does not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Computed {
+    /// Of the surface, upwards: three numbers.
+    Normals,
+    /// Mean curvature of the surface (1 / CRS unit).
+    Curvature,
+    /// Of the point's cell (square CRS units).
+    Area,
+    /// Input points in the cell, to the square CRS unit.
+    Density,
+    /// To the nearest input point (CRS units).
+    Distance,
 }
 
 fn is_false(flag: &bool) -> bool {
@@ -138,6 +214,16 @@ pub enum ConfigError {
         value: String,
         /// What it must be.
         remedy: &'static str,
+    },
+    /// A file or text that an option names is not what it should be.
+    #[error("{option} {value}: {problem}")]
+    Named {
+        /// The option, as written.
+        option: &'static str,
+        /// What it names.
+        value: String,
+        /// What is wrong with it.
+        problem: String,
     },
     /// Not one of `--spacing`, `--count`, `--ratio`, or several of them.
     #[error("give one of --spacing, --count and --ratio ({given} given)")]
@@ -188,6 +274,18 @@ pub struct Settings {
     pub halo: Option<f64>,
     /// Seed of every hash.
     pub seed: u64,
+    /// Which input points take part.
+    pub filter: PointFilter,
+    /// The CRS of all inputs; `None`: what they say.
+    pub crs: Option<Crs>,
+    /// What becomes of colour, near infrared and intensity.
+    pub color: ColorRule,
+    /// What becomes of the class.
+    pub class: ClassRule,
+    /// Attributes to add, in order, each once.
+    pub with: Vec<Computed>,
+    /// Edge of the tiles that are written; `None`: one file.
+    pub output_tiles: Option<f64>,
 }
 
 impl Choices {
@@ -210,49 +308,105 @@ impl Choices {
     /// These choices where they are made, those of `file` where not.
     #[must_use]
     pub fn or(self, file: Self) -> Self {
+        let table = |choices| toml::Table::try_from(choices).expect("options are plain values");
+        let (flags, mut merged) = (table(self), table(file));
         // A target on the command line replaces the file's, whatever its kind.
-        let targets = self.spacing.is_some() || self.count.is_some() || self.ratio.is_some();
-        let file = if targets {
-            Self {
-                spacing: None,
-                count: None,
-                ratio: None,
-                ..file
-            }
-        } else {
-            file
-        };
-        Self {
-            spacing: self.spacing.or(file.spacing),
-            count: self.count.or(file.count),
-            ratio: self.ratio.or(file.ratio),
-            memory: self.memory.or(file.memory),
-            threads: self.threads.or(file.threads),
-            job: self.job.or(file.job),
-            keep_job: self.keep_job || file.keep_job,
-            iterations: self.iterations.or(file.iterations),
-            accelerate: self.accelerate.or(file.accelerate),
-            seeds: self.seeds.or(file.seeds),
-            patch: self.patch.or(file.patch),
-            restrict: self.restrict.or(file.restrict),
-            smooth: self.smooth.or(file.smooth),
-            fill: self.fill.or(file.fill),
-            tile_size: self.tile_size.or(file.tile_size),
-            halo: self.halo.or(file.halo),
-            seed: self.seed.or(file.seed),
-            on_bad_file: self.on_bad_file.or(file.on_bad_file),
-            overwrite: self.overwrite || file.overwrite,
+        const TARGETS: [&str; 3] = ["spacing", "count", "ratio"];
+        if TARGETS.iter().any(|name| flags.contains_key(*name)) {
+            merged.retain(|name, _| !TARGETS.contains(&name));
         }
+        merged.extend(flags);
+        merged.try_into().expect("each was read from such a table")
     }
 
-    /// What these choices mean.
+    /// Whether a length has a unit of its own: the CRS must be known then.
+    pub fn has_units(&self) -> bool {
+        let lengths = [
+            self.spacing,
+            self.restrict,
+            self.smooth,
+            self.fill,
+            self.tile_size,
+            self.halo,
+            self.output_tiles,
+        ];
+        lengths.iter().flatten().any(|length| length.unit.is_some())
+    }
+
+    /// The CRS that is given for all inputs, if one is.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError::Named`] if it is no code that is known, nor a file of text.
+    pub fn crs(&self) -> Result<Option<Crs>, ConfigError> {
+        let Some(text) = &self.crs else {
+            return Ok(None);
+        };
+        let wrong = |problem: String| ConfigError::Named {
+            option: "--crs",
+            value: text.clone(),
+            problem,
+        };
+        let code = text.to_ascii_uppercase();
+        if let Some(code) = code.strip_prefix("EPSG:") {
+            let known = code.parse().ok().and_then(Crs::of_epsg);
+            let unknown = || wrong("is no code that is known; give a file of its text".into());
+            return known.map(Some).ok_or_else(unknown);
+        }
+        let content = std::fs::read_to_string(text)
+            .map_err(|e| wrong(format!("is neither EPSG:… nor a file: {e}")))?;
+        Ok(Some(Crs::Wkt(content.trim().to_owned())))
+    }
+
+    fn filter(&self) -> Result<PointFilter, ConfigError> {
+        let ground = |path: &PathBuf| {
+            Ground::from_file(path).map_err(|problem| ConfigError::Named {
+                option: "--polygon",
+                value: path.display().to_string(),
+                problem,
+            })
+        };
+        Ok(PointFilter {
+            keep_classes: self.keep_class.clone(),
+            drop_classes: self.drop_class.clone().unwrap_or_default(),
+            drop_withheld: self.drop_withheld,
+            bounds: self.bounds.map(|sides| sides.0),
+            polygons: self.polygon.as_ref().map(ground).transpose()?,
+        })
+    }
+
+    /// What these choices mean where a unit of the CRS is so many `metres`, if that is
+    /// known.
     ///
     /// # Errors
     ///
     /// [`ConfigError::Target`] unless there is exactly one target,
-    /// [`ConfigError::Value`] for a value out of its range.
-    pub fn settings(&self) -> Result<Settings, ConfigError> {
-        let positive = |option, value: Option<f64>| match value {
+    /// [`ConfigError::Value`] for a value out of its range, or with a unit where that of
+    /// the CRS is not known, [`ConfigError::Named`] for a file that is not what it should
+    /// be.
+    pub fn settings(&self, metres: Option<f64>) -> Result<Settings, ConfigError> {
+        let length = |option, length: Option<Length>| {
+            let Some(Length { value, unit }) = length else {
+                return Ok(None);
+            };
+            let Some(unit) = unit else {
+                return Ok(Some(value));
+            };
+            let wrong = |remedy| ConfigError::Value {
+                option,
+                value: Length {
+                    value,
+                    unit: Some(unit),
+                }
+                .to_string(),
+                remedy,
+            };
+            let metres = metres.ok_or_else(|| {
+                wrong("the inputs state no CRS, and so no unit; give --crs, or a plain number")
+            })?;
+            Ok(Some(value * unit.metres() / metres))
+        };
+        let positive = |option, given: Option<Length>| match length(option, given)? {
             // Written so that NaN fails.
             Some(v) if !(v > 0.0 && v.is_finite()) => Err(ConfigError::Value {
                 option,
@@ -309,12 +463,23 @@ impl Choices {
                 .map_or(Restriction::Local, Restriction::Global),
             smooth: positive("--smooth", self.smooth)?,
             fill: match self.fill {
-                Some(0.0) => Some(0.0),
+                Some(Length { value: 0.0, .. }) => Some(0.0),
                 fill => positive("--fill", fill)?,
             },
             tile_size: positive("--tile-size", self.tile_size)?,
             halo: positive("--halo", self.halo)?,
             seed: self.seed.unwrap_or(0),
+            filter: self.filter()?,
+            crs: self.crs()?,
+            color: self.color.unwrap_or_default(),
+            class: self.class.unwrap_or_default(),
+            with: {
+                let mut with = self.with.clone().unwrap_or_default();
+                with.sort_unstable();
+                with.dedup();
+                with
+            },
+            output_tiles: positive("--output-tiles", self.output_tiles)?,
         })
     }
 }
@@ -358,7 +523,7 @@ mod tests {
     fn flags_win_over_the_file() {
         let file = parsed("spacing = 0.05\nmemory = \"4GiB\"\nthreads = 8");
         let flags = parsed("count = \"2M\"\nthreads = 2");
-        let settings = flags.or(file).settings().unwrap();
+        let settings = flags.or(file).settings(None).unwrap();
         assert_eq!(settings.target, Target::Count(2_000_000));
         assert_eq!(settings.threads, 2);
         assert_eq!(settings.memory, Some(4 << 30));
@@ -367,15 +532,32 @@ mod tests {
     #[test]
     fn a_spacing_that_is_no_length_is_refused() {
         for bad in ["0.0", "-1.0", "nan", "inf"] {
-            let error = parsed(&format!("spacing = {bad}")).settings().unwrap_err();
+            let error = parsed(&format!("spacing = {bad}"))
+                .settings(None)
+                .unwrap_err();
             assert!(error.to_string().starts_with("--spacing"), "{error}");
         }
     }
 
     #[test]
     fn exactly_one_target_is_wanted() {
-        assert!(parsed("").settings().is_err());
-        assert!(parsed("spacing = 1\nratio = 0.5").settings().is_err());
+        assert!(parsed("").settings(None).is_err());
+        assert!(parsed("spacing = 1\nratio = 0.5").settings(None).is_err());
+    }
+
+    #[test]
+    fn units_are_those_of_the_crs() {
+        let choices = parsed("spacing = \"0.2ft\"\nfill = 3");
+        let settings = choices.settings(Some(1.0)).unwrap();
+        assert_eq!(settings.target, Target::Spacing(0.2 * 0.3048));
+        assert_eq!(settings.fill, Some(3.0));
+        let settings = choices.settings(Some(0.3048)).unwrap();
+        assert_eq!(settings.target, Target::Spacing(0.2));
+        let error = choices.settings(None).unwrap_err().to_string();
+        assert!(
+            error.contains("0.2ft") && error.contains("--crs"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -370,6 +370,21 @@ impl Patch {
         (self.axes[2] - self.axes[0] * p - self.axes[1] * q).normalize()
     }
 
+    /// The unit normal at the origin that points upwards, of a vertical surface northwards
+    /// or else eastwards, and the mean curvature there (1 / CRS unit), positive where the
+    /// surface bends towards the normal.
+    pub fn upwards(&self) -> (Local, f64) {
+        let Heights { p, q, a, b, c, .. } = self.heights;
+        let steep = 1.0 + p * p + q * q;
+        let bent = (1.0 + q * q) * a - 2.0 * p * q * b + (1.0 + p * p) * c;
+        let curvature = bent / (2.0 * steep * steep.sqrt());
+        let normal = self.normal();
+        match (normal.z, normal.y, normal.x) < (0.0, 0.0, 0.0) {
+            true => (-normal, -curvature),
+            false => (normal, curvature),
+        }
+    }
+
     /// Gaussian curvature over the origin (CRS units to the −2).
     pub fn gaussian_curvature(&self) -> f64 {
         let Heights { p, q, a, b, c, .. } = self.heights;

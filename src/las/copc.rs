@@ -36,6 +36,8 @@ use crate::{
 pub struct Workspace {
     /// How far points are apart, about (CRS units).
     pub spacing: f64,
+    /// Edge of the tiles, if they are asked for (CRS units).
+    pub tile_edge: f64,
     /// Path of temporary files, without their endings.
     pub stem: PathBuf,
     /// Memory for buffers while points come in, in bytes.

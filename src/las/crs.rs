@@ -100,6 +100,22 @@ impl Crs {
         }
     }
 
+    /// Metres to a unit of its horizontal coordinates; `None` if it does not say.
+    pub fn metres_per_unit(&self) -> Option<f64> {
+        if let Self::GeoTiff { records, .. } = self
+            && let Some((_, keys)) = records.iter().find(|(id, _)| *id == 34_735)
+        {
+            // The linear unit of a projected system.
+            match geo_key(keys, 3076) {
+                Some(9001) => return Some(1.0),
+                Some(9002) => return Some(0.3048),
+                Some(9003) => return Some(1200.0 / 3937.0),
+                _ => {}
+            }
+        }
+        unit_of_text(&self.wkt()?)
+    }
+
     /// Whether both mean the same, as far as their texts or codes tell.
     pub fn same_as(&self, other: &Self) -> bool {
         match (self.wkt(), other.wkt()) {
@@ -185,6 +201,44 @@ impl Crs {
     }
 }
 
+/// Metres to a unit of the projected system in `text`, in WKT 1 or 2: the first unit of
+/// length that is not of the system beneath, nor of a parameter.
+fn unit_of_text(text: &str) -> Option<f64> {
+    let mut names: Vec<String> = Vec::new();
+    let mut word = String::new();
+    let mut is_quoted = false;
+    for (at, c) in text.char_indices() {
+        match c {
+            '"' => is_quoted = !is_quoted,
+            _ if is_quoted => {}
+            '[' | '(' => {
+                let name = std::mem::take(&mut word).to_ascii_uppercase();
+                let is_projected = |name: &String| name == "PROJCS" || name == "PROJCRS";
+                let is_beneath = |name: &String| {
+                    name.contains("GEO") || name == "CONVERSION" || name == "PARAMETER"
+                };
+                if (name == "UNIT" || name == "LENGTHUNIT")
+                    && names.iter().any(is_projected)
+                    && !names.iter().any(is_beneath)
+                {
+                    let rest = text[at..].splitn(3, '"').nth(2)?;
+                    let number = rest.trim_start_matches([',', ' ']);
+                    let end = number.find([',', ']', ')'])?;
+                    return number[..end].trim().parse().ok();
+                }
+                names.push(name);
+            }
+            ']' | ')' => {
+                names.pop();
+                word.clear();
+            }
+            _ if c.is_alphanumeric() => word.push(c),
+            _ => word.clear(),
+        }
+    }
+    None
+}
+
 /// The outermost authority codes of a WKT 1 text.
 fn epsg_of_text(text: &str) -> Option<(u16, Option<u16>)> {
     let code = |part: &str| -> Option<u16> {
@@ -251,6 +305,24 @@ mod tests {
         assert!(compound.is_geographic());
         let projected = Crs::Wkt("PROJCS[\"a\",GEOGCS[\"WGS 84\"]]".into());
         assert!(!projected.is_geographic());
+    }
+
+    #[test]
+    fn the_unit_is_that_of_the_projection() {
+        let of = |text: &str| Crs::Wkt(text.to_owned()).metres_per_unit();
+        let old = "COMPD_CS[\"a, b\",PROJCS[\"x [ft]\",GEOGCS[\"g\",UNIT[\"degree\",0.0174]],\
+            PROJECTION[\"p\"],PARAMETER[\"q\",1],UNIT[\"US survey foot\", 0.3048006096,\
+            AUTHORITY[\"EPSG\",\"9003\"]]],VERT_CS[\"h\",UNIT[\"metre\",1]]]";
+        assert_eq!(of(old), Some(0.304_800_609_6));
+        let new = "PROJCRS[\"x\",BASEGEOGCRS[\"g\",DATUM[\"d\",ELLIPSOID[\"e\",1,2,\
+            LENGTHUNIT[\"metre\",1]]]],CONVERSION[\"c\",PARAMETER[\"q\",1,\
+            LENGTHUNIT[\"metre\",1]]],CS[Cartesian,2],AXIS[\"E\",east,\
+            LENGTHUNIT[\"foot\",0.3048]]]";
+        assert_eq!(of(new), Some(0.3048));
+        assert_eq!(of("GEOGCS[\"g\",UNIT[\"degree\",0.0174]]"), None);
+        assert_eq!(of("PROJCS[\"cut"), None);
+        let keys = Crs::from_vlrs([&keys(&[(1024, 1), (3072, 2994)])].into_iter()).unwrap();
+        assert_eq!(keys.metres_per_unit(), Some(0.3048));
     }
 
     #[test]

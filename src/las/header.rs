@@ -12,7 +12,7 @@ use std::{
 
 use ::las::{Vlr, point::Format, raw};
 
-use super::LasError;
+use super::{LasError, chunks::Chunk};
 
 /// Length of a public header block of LAS 1.0 to 1.2; later ones are longer.
 const SHORTEST_HEADER: u64 = 227;
@@ -36,8 +36,12 @@ const ITEM_COUNT: usize = 32;
 const ONE_STREAM: u16 = 1;
 
 /// The public header block, after a look at whether the file can hold what it
-/// announces: the reader of records would allocate and loop by it.
-pub(super) fn read_header(path: &Path, bytes: u64) -> Result<raw::Header, LasError> {
+/// announces: the reader of records would allocate and loop by it. With it come the
+/// chunks of its points, if they differ in length.
+pub(super) fn read_header(
+    path: &Path,
+    bytes: u64,
+) -> Result<(raw::Header, Option<Vec<Chunk>>), LasError> {
     let wrong = |problem: String| LasError::new(path, problem);
     if bytes == 0 {
         return Err(wrong("is empty (0 bytes)".into()));
@@ -50,10 +54,9 @@ pub(super) fn read_header(path: &Path, bytes: u64) -> Result<raw::Header, LasErr
         .read_to_end(&mut signature)
         .map_err(|e| wrong(format!("cannot be read: {e}")))?;
     if signature != b"LASF" {
-        let guess = if signature.starts_with(b"ply") {
-            "; it looks like PLY, which is not read as input yet"
-        } else {
-            ""
+        let guess = match signature.starts_with(b"ply") {
+            true => "; it looks like PLY: name it .ply",
+            false => "",
         };
         return Err(wrong(format!("is no LAS or LAZ file{guess}")));
     }
@@ -92,12 +95,13 @@ pub(super) fn read_header(path: &Path, bytes: u64) -> Result<raw::Header, LasErr
         )));
     }
     let compression = check_records(&mut file, &header).map_err(wrong)?;
+    let mut chunks = None;
     if header.point_data_record_format & COMPRESSED != 0 {
         let compression = compression
             .ok_or_else(|| wrong("is damaged: it does not say how it is compressed".into()))?;
-        check_chunks(&mut file, bytes, &header, &compression).map_err(wrong)?;
+        chunks = check_chunks(&mut file, bytes, &header, &compression).map_err(wrong)?;
     }
-    Ok(header)
+    Ok((header, chunks))
 }
 
 /// Walks over the variable length records: none may reach beyond the points. Returns
@@ -176,13 +180,14 @@ pub(super) fn text_of(bytes: &[u8]) -> String {
 }
 
 /// Checks what compressed points say of themselves: how long they are, how many chunks
-/// the table has, and the lengths of the layers of every chunk.
+/// the table has, and the lengths of the layers of every chunk. Returns the chunks, if
+/// they have layers and differ in length.
 fn check_chunks(
     file: &mut BufReader<File>,
     bytes: u64,
     header: &raw::Header,
     compression: &[u8],
-) -> Result<(), String> {
+) -> Result<Option<Vec<Chunk>>, String> {
     let unreadable =
         |e: io::Error| format!("is truncated or damaged: its points cannot be read: {e}");
     let word = |at: usize| match compression.get(at..at + 2) {
@@ -203,7 +208,7 @@ fn check_chunks(
     let large = header.large_file.map(|large| large.number_of_point_records);
     let claimed = large.unwrap_or_else(|| header.number_of_point_records.into());
     if word(0)? == ONE_STREAM || claimed == 0 {
-        return Ok(());
+        return Ok(None);
     }
     let start = u64::from(header.offset_to_point_data);
     let table = chunk_table(file, start, bytes).map_err(unreadable)?;
@@ -230,7 +235,7 @@ fn check_chunks(
     let id = header.point_data_record_format & !COMPRESSED & !0x40;
     let format = Format::new(id).map_err(|e| format!("unknown point format: {e}"))?;
     if !format.is_extended {
-        return Ok(());
+        return Ok(None);
     }
     let extra_bytes = record_length.saturating_sub(format.len().into());
     // Nine of what all points have, and one for each of the rest.
@@ -241,6 +246,7 @@ fn check_chunks(
         + extra_bytes as usize;
     let end = table.map_or(bytes, |(at, _)| at);
     let (mut at, mut points) = (start + 8, 0);
+    let mut chunks = Vec::new();
     let mut sizes = vec![0; 4 * layers];
     // A chunk is its first point as it is, the number of its points, the lengths of its
     // layers, and these.
@@ -261,13 +267,21 @@ fn check_chunks(
                  end at {end}"
             ));
         }
-        points += u64::from(u32::from_le_bytes(count));
+        let count = u64::from(u32::from_le_bytes(count));
+        if chunk_size == VARIABLE {
+            chunks.push(Chunk {
+                at,
+                points: count,
+                ground: None,
+            });
+        }
+        points += count;
         at = next;
     }
     if points < claimed {
         return Err(too_few(points));
     }
-    Ok(())
+    Ok((chunk_size == VARIABLE).then_some(chunks))
 }
 
 /// Where the table of chunks lies, and how many it says there are; `None` if there is

@@ -1,23 +1,29 @@
-//! The only place that knows LAS, LAZ and PLY.
+//! The only place that knows LAS, LAZ, COPC and PLY.
 //!
-//! Inputs of any version (1.0 to 1.4) and format (0 to 10) become records of
+//! Inputs of any version (1.0 to 1.4) and format (0 to 10), and polygon files, become records of
 //! the run's one format (6, 7 or 8, with the union of the extra bytes) on the
 //! run's one lattice, the moment they are decoded; from there on a record is
 //! copied whole, so that no attribute can be lost on the way.
 
+mod chunks;
 mod copc;
 mod crs;
+mod decoding;
+mod filter;
 mod guard;
 mod header;
 mod inputs;
 mod octree;
 mod ply;
+mod ply_writing;
 mod reading;
 mod record;
+mod tiled;
 mod writing;
 
 pub use copc::Workspace;
 pub use crs::Crs;
+pub use filter::{Ground, PointFilter};
 pub use guard::is_decoding;
 pub use inputs::expand_inputs;
 pub use ply::{PlyFile, PlyStream};

@@ -1,7 +1,9 @@
-//! Points of a polygon file (PLY), for clouds to be measured.
+//! Points of a polygon file (PLY).
 //!
 //! Text and binary, either byte order, any scalar properties, whatever stands
-//! before and after the vertices as long as its length is known.
+//! before and after the vertices as long as its length is known. Vertices become
+//! records of LAS: properties that LAS has by the names that are usual, all others as
+//! extra bytes of their name and type.
 
 use std::{
     fs::File,
@@ -9,7 +11,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::LasError;
+use super::{Crs, ExtraByte, LasError};
 
 /// A polygon file whose header was read.
 #[derive(Clone, Debug)]
@@ -19,7 +21,19 @@ pub struct PlyFile {
     /// Elements up to the vertices, those included.
     elements: Vec<Element>,
     header_bytes: u64,
+    /// What comments say of the coordinates, as our own writer puts it.
+    crs: Option<Crs>,
+    has_standard_time: bool,
+    /// Extra bytes that comments describe.
+    described: Vec<ExtraByte>,
 }
+
+/// How a comment begins that states the coordinate reference system …
+pub(super) const CRS_COMMENT: &str = "crs ";
+/// … that describes an extra-bytes attribute, as LAS does, in hexadecimal digits …
+pub(super) const EXTRA_COMMENT: &str = "extra bytes ";
+/// … and that GPS times are adjusted standard times.
+pub(super) const TIME_COMMENT: &str = "gps time is adjusted standard time";
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Encoding {
@@ -82,6 +96,40 @@ impl Scalar {
     }
 }
 
+impl Scalar {
+    /// Writes `value` to `raw`, little endian; saturates.
+    fn put(self, value: f64, raw: &mut [u8]) {
+        match self {
+            Self::Float(4) => raw.copy_from_slice(&(value as f32).to_le_bytes()),
+            Self::Float(_) => raw.copy_from_slice(&value.to_le_bytes()),
+            Self::Uint(bytes) => {
+                let most = (1_u64 << (8 * bytes)) - 1;
+                let value = (value.round() as u64).min(most);
+                raw.copy_from_slice(&value.to_le_bytes()[..bytes]);
+            }
+            Self::Int(bytes) => {
+                let most = (1_i64 << (8 * bytes - 1)) - 1;
+                let value = (value.round() as i64).clamp(-most - 1, most);
+                raw.copy_from_slice(&value.to_le_bytes()[..bytes]);
+            }
+        }
+    }
+
+    /// The number by which extra bytes tell their type (LAS 1.4, table 25).
+    fn data_type(self) -> u8 {
+        match self {
+            Self::Uint(1) => 1,
+            Self::Int(1) => 2,
+            Self::Uint(2) => 3,
+            Self::Int(2) => 4,
+            Self::Uint(_) => 5,
+            Self::Int(_) => 6,
+            Self::Float(4) => 9,
+            Self::Float(_) => 10,
+        }
+    }
+}
+
 impl Element {
     fn bytes(&self) -> u64 {
         self.properties
@@ -120,8 +168,17 @@ impl PlyFile {
         let mut encoding = None;
         let mut elements: Vec<Element> = Vec::new();
         let mut is_past_vertices = false;
+        let (mut crs, mut has_standard_time, mut described) = (None, false, Vec::new());
         loop {
             let text = next()?;
+            if let Some(comment) = text.strip_prefix("comment ") {
+                has_standard_time |= comment == TIME_COMMENT;
+                if let Some(wkt) = comment.strip_prefix(CRS_COMMENT) {
+                    crs = Some(Crs::Wkt(wkt.trim().to_owned()));
+                }
+                described.extend(comment.strip_prefix(EXTRA_COMMENT).and_then(described_by));
+                continue;
+            }
             let words: Vec<&str> = text.split_whitespace().collect();
             match words[..] {
                 ["format", name, "1.0"] => {
@@ -173,7 +230,40 @@ impl PlyFile {
             encoding,
             elements,
             header_bytes,
+            crs,
+            has_standard_time,
+            described,
         })
+    }
+
+    /// Vertices that it claims to hold.
+    pub(super) fn points(&self) -> u64 {
+        self.elements.last().map_or(0, |vertices| vertices.count)
+    }
+
+    /// The coordinate reference system, if a comment states one.
+    pub(super) fn crs(&self) -> Option<Crs> {
+        self.crs.clone()
+    }
+
+    /// Whether a comment says that GPS times are adjusted standard times.
+    pub(super) fn has_standard_time(&self) -> bool {
+        self.has_standard_time
+    }
+
+    /// How its vertices become records.
+    pub(super) fn layout(&self) -> PlyLayout {
+        let properties = self.elements.last().map(|e| e.properties.as_slice());
+        let mut layout = PlyLayout::of(properties.unwrap_or_default());
+        for extra in &mut layout.extra_bytes {
+            let same = |known: &&ExtraByte| {
+                known.name == extra.name && known.descriptor[2] == extra.descriptor[2]
+            };
+            if let Some(known) = self.described.iter().find(same) {
+                *extra = known.clone();
+            }
+        }
+        layout
     }
 
     /// Opens the file at its first vertex.
@@ -203,12 +293,14 @@ impl PlyFile {
             let skipped = i64::try_from(skipped).unwrap_or(i64::MAX);
             body.seek_relative(skipped).map_err(wrong)?;
         }
-        let columns = columns(vertices)
+        let places = columns(vertices)
             .ok_or_else(|| LasError::new(&self.path, "has no vertices with x, y and z"))?;
         Ok(PlyStream {
             path: self.path.clone(),
             encoding: self.encoding,
-            columns,
+            kinds: vertices.properties.iter().map(|(_, kind)| *kind).collect(),
+            places,
+            values: Vec::new(),
             body,
             read: 0,
             claimed: vertices.count,
@@ -223,30 +315,45 @@ impl PlyFile {
 pub struct PlyStream {
     path: PathBuf,
     encoding: Encoding,
-    /// Of x, y and z: which property it is, at which byte, of which kind.
-    columns: [(usize, usize, Scalar); 3],
+    kinds: Vec<Scalar>,
+    /// Which properties x, y and z are.
+    places: [usize; 3],
     body: BufReader<File>,
     read: u64,
     claimed: u64,
     line: String,
     record: Vec<u8>,
+    values: Vec<f64>,
 }
 
 impl PlyStream {
-    /// The next vertex; `None` after the last.
+    /// The place of the next vertex; `None` after the last.
     ///
     /// # Errors
     ///
     /// If the file ends early, or holds what is no number.
     pub fn next_place(&mut self) -> Result<Option<[f64; 3]>, LasError> {
+        let places = self.places;
+        let values = self.next_vertex()?;
+        Ok(values.map(|values| places.map(|column| values[column])))
+    }
+
+    /// The values of the next vertex, in the order of its properties; `None` after the
+    /// last.
+    ///
+    /// # Errors
+    ///
+    /// As [`next_place`](Self::next_place).
+    pub(super) fn next_vertex(&mut self) -> Result<Option<&[f64]>, LasError> {
         if self.read == self.claimed {
             return Ok(None);
         }
-        let place = match self.encoding {
+        self.values.clear();
+        let found = match self.encoding {
             Encoding::Text => self.text(),
             Encoding::LittleEndian | Encoding::BigEndian => self.binary(),
         };
-        let place = place.map_err(|why| {
+        found.map_err(|why| {
             LasError::new(
                 &self.path,
                 format!(
@@ -256,54 +363,159 @@ impl PlyStream {
             )
         })?;
         self.read += 1;
-        Ok(Some(place))
+        Ok(Some(&self.values))
     }
 
-    fn text(&mut self) -> Result<[f64; 3], String> {
+    fn text(&mut self) -> Result<(), String> {
         self.line.clear();
         let read = self.body.read_line(&mut self.line);
         if read.map_err(|e| e.to_string())? == 0 {
             return Err("the file ends".into());
         }
-        let mut place = [0.0; 3];
-        for (c, &(column, _, _)) in place.iter_mut().zip(&self.columns) {
-            let word = self
-                .line
-                .split_whitespace()
-                .nth(column)
-                .unwrap_or("nothing");
-            *c = word.parse().map_err(|_| format!("{word} is no number"))?;
+        let mut words = self.line.split_whitespace();
+        for _ in &self.kinds {
+            let word = words.next().unwrap_or("nothing");
+            let value = word.parse().map_err(|_| format!("{word} is no number"))?;
+            self.values.push(value);
         }
-        Ok(place)
+        Ok(())
     }
 
-    fn binary(&mut self) -> Result<[f64; 3], String> {
+    fn binary(&mut self) -> Result<(), String> {
         let read = self.body.read_exact(&mut self.record);
         read.map_err(|e| e.to_string())?;
-        Ok(self.columns.map(|(_, at, kind)| {
+        let mut at = 0;
+        for kind in &self.kinds {
             let mut raw = [0; 8];
             raw[..kind.bytes()].copy_from_slice(&self.record[at..at + kind.bytes()]);
             if self.encoding == Encoding::BigEndian {
                 raw[..kind.bytes()].reverse();
             }
-            kind.value(raw)
-        }))
+            self.values.push(kind.value(raw));
+            at += kind.bytes();
+        }
+        Ok(())
     }
 }
 
-/// Of x, y and z: which property it is, at which byte, of which kind.
-fn columns(vertices: &Element) -> Option<[(usize, usize, Scalar); 3]> {
+/// The attribute whose description these hexadecimal digits are.
+fn described_by(hex: &str) -> Option<ExtraByte> {
+    let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
+    let descriptor: Option<Vec<u8>> = hex.trim().as_bytes().chunks(2).map(byte).collect();
+    ExtraByte::from_descriptor(&descriptor?)
+}
+
+/// Which properties x, y and z are.
+fn columns(vertices: &Element) -> Option<[usize; 3]> {
     let find = |wanted: &str| {
-        let mut at = 0;
-        for (column, (name, kind)) in vertices.properties.iter().enumerate() {
-            if name == wanted {
-                return Some((column, at, *kind));
-            }
-            at += kind.bytes();
-        }
-        None
+        vertices
+            .properties
+            .iter()
+            .position(|(name, _)| name == wanted)
     };
     Some([find("x")?, find("y")?, find("z")?])
+}
+
+/// Where the values of a vertex go in a record of LAS 1.4.
+#[derive(Clone, Debug)]
+pub(super) struct PlyLayout {
+    /// LAS point format: 6, 7 or 8.
+    pub(super) point_format: u8,
+    /// What LAS has no place for.
+    pub(super) extra_bytes: Vec<ExtraByte>,
+    /// Which of the coordinates are of single precision: all, if one is.
+    pub(super) is_single: bool,
+    /// Of each property: where in the record it goes, as what, times what.
+    fields: Vec<Option<(usize, Scalar, f64)>>,
+    places: [usize; 3],
+}
+
+impl PlyLayout {
+    fn of(properties: &[(String, Scalar)]) -> Self {
+        let has = |wanted: &str| properties.iter().any(|(name, _)| name == wanted);
+        let point_format = match (has("red"), has("nir")) {
+            (_, true) => 8,
+            (true, false) => 7,
+            (false, false) => 6,
+        };
+        let mut extra_bytes = Vec::new();
+        let mut end = [30, 36, 38][usize::from(point_format) - 6];
+        let mut places = [0; 3];
+        let mut fields = Vec::new();
+        for (column, (name, kind)) in properties.iter().enumerate() {
+            // Eight bits of colour are the upper ones of sixteen, as LAS wants it.
+            let sixteen_bits = match kind {
+                Scalar::Uint(1) => 256.0,
+                Scalar::Float(_) => 65_535.0,
+                _ => 1.0,
+            };
+            let is_small = matches!(kind, Scalar::Uint(1 | 2));
+            let field = match name.as_str() {
+                "x" | "y" | "z" => {
+                    places[usize::from(name.as_bytes()[0] - b'x')] = column;
+                    None
+                }
+                "red" => Some((30, Scalar::Uint(2), sixteen_bits)),
+                "green" if point_format > 6 => Some((32, Scalar::Uint(2), sixteen_bits)),
+                "blue" if point_format > 6 => Some((34, Scalar::Uint(2), sixteen_bits)),
+                "nir" => Some((36, Scalar::Uint(2), sixteen_bits)),
+                "intensity" if is_small => Some((12, Scalar::Uint(2), 1.0)),
+                "flags" if *kind == Scalar::Uint(1) => Some((15, Scalar::Uint(1), 1.0)),
+                "classification" if *kind == Scalar::Uint(1) => Some((16, Scalar::Uint(1), 1.0)),
+                "user_data" if *kind == Scalar::Uint(1) => Some((17, Scalar::Uint(1), 1.0)),
+                "scan_angle" if *kind == Scalar::Int(2) => Some((18, Scalar::Int(2), 1.0)),
+                "point_source_id" if is_small => Some((20, Scalar::Uint(2), 1.0)),
+                "gps_time" => Some((22, Scalar::Float(8), 1.0)),
+                _ => {
+                    let at = end;
+                    end += kind.bytes();
+                    extra_bytes.push(ExtraByte::named(name, kind.data_type()));
+                    Some((at, *kind, 1.0))
+                }
+            };
+            fields.push(field);
+        }
+        Self {
+            point_format,
+            extra_bytes,
+            is_single: places
+                .iter()
+                .any(|&column| properties.get(column).is_some_and(|(_, k)| k.bytes() < 8)),
+            fields,
+            places,
+        }
+    }
+
+    /// Appends the record of a vertex at `values`; `false` if its place is not within
+    /// reach of `scale` and `offset`.
+    pub(super) fn append(
+        &self,
+        values: &[f64],
+        scale: [f64; 3],
+        offset: [f64; 3],
+        records: &mut Vec<u8>,
+    ) -> bool {
+        let start = records.len();
+        let extra: usize = self.extra_bytes.iter().map(|extra| extra.length).sum();
+        let standard = [30, 36, 38][usize::from(self.point_format) - 6];
+        records.resize(start + standard + extra, 0);
+        let record = &mut records[start..];
+        for axis in 0..3 {
+            let stored = ((values[self.places[axis]] - offset[axis]) / scale[axis]).round();
+            if !(f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&stored) {
+                records.truncate(start);
+                return false;
+            }
+            record[4 * axis..4 * axis + 4].copy_from_slice(&(stored as i32).to_le_bytes());
+        }
+        record[14] = 0x11;
+        for (value, field) in values.iter().zip(&self.fields) {
+            if let Some((at, kind, times)) = *field {
+                kind.put(value * times, &mut record[at..at + kind.bytes()]);
+            }
+        }
+        true
+    }
 }
 
 #[cfg(test)]
@@ -379,6 +591,36 @@ mod tests {
             let error = read(content).unwrap_err().to_string();
             assert!(error.contains(expected), "{error}");
         }
+    }
+
+    #[test]
+    fn what_las_has_no_place_for_becomes_extra_bytes() {
+        let content = b"ply\nformat ascii 1.0\ncomment crs PROJCS[\"a\"]\nelement vertex 1\n\
+            property float x\nproperty float y\nproperty float z\nproperty uchar red\n\
+            property uchar green\nproperty uchar blue\nproperty short roll\n\
+            property float intensity\nproperty double gps_time\nend_header\n\
+            1 2 3 255 7 0 -300 0.25 9.5\n";
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("cloud.ply");
+        std::fs::write(&path, content).unwrap();
+        let file = PlyFile::survey(&path).unwrap();
+        assert_eq!(file.crs(), Some(Crs::Wkt("PROJCS[\"a\"]".into())));
+        let layout = file.layout();
+        assert_eq!(layout.point_format, 7);
+        let names: Vec<_> = layout.extra_bytes.iter().map(|e| e.name.as_str()).collect();
+        assert_eq!(names, ["roll", "intensity"]);
+        let mut records = Vec::new();
+        let mut stream = file.open().unwrap();
+        let values = stream.next_vertex().unwrap().unwrap();
+        assert!(layout.append(values, [0.5; 3], [0.0; 3], &mut records));
+        assert_eq!(records.len(), 42);
+        assert_eq!(records[..12], [2, 0, 0, 0, 4, 0, 0, 0, 6, 0, 0, 0]);
+        assert_eq!(records[22..30], 9.5_f64.to_le_bytes());
+        assert_eq!(records[30..36], [0, 255, 0, 7, 0, 0]);
+        assert_eq!(records[36..38], (-300_i16).to_le_bytes());
+        assert_eq!(records[38..42], 0.25_f32.to_le_bytes());
+        assert!(!layout.append(&[f64::NAN; 9], [0.5; 3], [0.0; 3], &mut records));
+        assert_eq!(records.len(), 42);
     }
 
     #[test]

@@ -5,18 +5,18 @@
 //! relied on.
 
 use std::{
-    fs::File,
     ops::Range,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
-use ::las::{
-    LazParallelism, PointData, PointDataBuilder, Reader, ReaderOptions, Vlr, point::Format,
-};
+use ::las::{Reader, Vlr, copc::CopcHierarchyVlr, point::Format};
 
 use super::{
-    Crs, ExtraByte, LasError, RecordFormat,
-    guard::{GuardedFile, guarded},
+    Crs, ExtraByte, LasError, PlyFile, PointFilter, RecordFormat,
+    chunks::{Chunk, place_chunks},
+    decoding::{Decoder, finds, open_las},
+    guard::guarded,
     header::{extended_records, read_header, text_of},
     record::{Converter, DESCRIPTOR_BYTES},
 };
@@ -63,8 +63,24 @@ pub struct InputFile {
     /// What is odd about it.
     pub notes: Vec<String>,
     format: Format,
-    /// Points after which reading can begin, again and again; `None` if it cannot.
-    stride: Option<u64>,
+    access: Access,
+}
+
+/// Where reading can begin, and how it is done.
+#[derive(Clone, Debug)]
+enum Access {
+    /// At its first point only.
+    Start,
+    /// After so many points, again and again.
+    Stride(u64),
+    /// At these chunks.
+    Chunks {
+        chunks: Arc<[Chunk]>,
+        /// Whether they are the nodes of an octree.
+        is_octree: bool,
+    },
+    /// A polygon file, from its first vertex.
+    Ply(PlyFile),
 }
 
 impl InputFile {
@@ -72,8 +88,8 @@ impl InputFile {
     ///
     /// # Errors
     ///
-    /// If there is no such file, it cannot be read, is no LAS or LAZ file of
-    /// version 1.0 to 1.4, or says what cannot be.
+    /// If there is no such file, it cannot be read, is neither a LAS or LAZ file of
+    /// version 1.0 to 1.4 nor, by its name, a polygon file, or says what cannot be.
     pub fn survey(path: &Path) -> Result<Self, LasError> {
         let wrong = |problem: String| LasError::new(path, problem);
         let metadata =
@@ -82,7 +98,13 @@ impl InputFile {
             return Err(wrong("is not a regular file".into()));
         }
         let bytes = metadata.len();
-        let header = read_header(path, bytes)?;
+        if path
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("ply"))
+        {
+            return Self::survey_ply(path, bytes);
+        }
+        let (header, chunks) = read_header(path, bytes)?;
         let format = Format::new(header.point_data_record_format)
             .map_err(|e| wrong(format!("unknown point format: {e}")))?;
         let scale = [
@@ -119,9 +141,9 @@ impl InputFile {
             generating_software: text_of(&header.generating_software),
             notes: Vec::new(),
             format,
-            stride: None,
+            access: Access::Start,
         };
-        let mut reader = input.open()?;
+        let mut reader = open_las(path)?;
         let las = reader.header().clone();
         input.format = *las.point_format();
         input.points_claimed = las.number_of_points();
@@ -157,8 +179,117 @@ impl InputFile {
         if input.format.has_waveform {
             input.notes.push("wave packets are not carried over".into());
         }
-        input.stride = input.find_stride(&mut reader);
+        input.access = match chunks {
+            Some(mut chunks) => {
+                let info = las.copc_info_vlr();
+                let table = extended
+                    .iter()
+                    .find(|vlr| vlr.is_copc_hierarchy())
+                    .zip(info.as_ref())
+                    .and_then(|(vlr, info)| {
+                        guarded(|| CopcHierarchyVlr::read_from_with(vlr, info).ok()).flatten()
+                    });
+                if let (Some(info), Some(table)) = (&info, &table) {
+                    place_chunks(&mut chunks, info, table);
+                }
+                Access::Chunks {
+                    chunks: chunks.into(),
+                    is_octree: info.is_some(),
+                }
+            }
+            None => input
+                .find_stride(&mut reader)
+                .map_or(Access::Start, Access::Stride),
+        };
         Ok(input)
+    }
+
+    /// Reads all vertices of a polygon file: it does not say where they are.
+    fn survey_ply(path: &Path, bytes: u64) -> Result<Self, LasError> {
+        let file = PlyFile::survey(path)?;
+        let layout = file.layout();
+        let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        let mut stream = file.open()?;
+        let mut vertex = 0_u64;
+        while let Some(place) = stream.next_place()? {
+            if !place.iter().all(|c| c.abs() <= FARTHEST_OFFSET) {
+                let problem = format!("its vertex {vertex} is at no place: {place:?}");
+                return Err(LasError::new(path, problem));
+            }
+            for (axis, &c) in place.iter().enumerate() {
+                bounds[0][axis] = bounds[0][axis].min(c);
+                bounds[1][axis] = bounds[1][axis].max(c);
+            }
+            vertex += 1;
+        }
+        let mut notes = Vec::new();
+        if vertex == 0 {
+            notes.push("holds no point".to_owned());
+            bounds = [[0.0; 3]; 2];
+        }
+        let [min, max] = bounds;
+        let extent = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
+        let farthest = bounds
+            .iter()
+            .flatten()
+            .fold(0.0, |f: f64, c| f.max(c.abs()));
+        // Finer than what single precision can tell, or a billionth across.
+        let finest = match layout.is_single {
+            true => 0.01 * f64::from(f32::EPSILON) * farthest,
+            false => 1e-9 * extent,
+        };
+        let scale = 10_f64.powf(finest.max(1e-9).log10().ceil());
+        let scale = format!("{scale:.12e}").parse().unwrap_or(scale);
+        let mut format = Format::new(layout.point_format)
+            .map_err(|e| LasError::new(path, format!("cannot be read: {e}")))?;
+        let extra: usize = layout.extra_bytes.iter().map(|extra| extra.length).sum();
+        format.extra_bytes = u16::try_from(extra)
+            .map_err(|_| LasError::new(path, "its vertices have too many properties"))?;
+        Ok(Self {
+            path: path.to_owned(),
+            bytes,
+            version: [1, 0],
+            points_claimed: file.points(),
+            bounds_claimed: bounds,
+            bounds,
+            scale: [scale; 3],
+            offset: [0, 1, 2].map(|axis| (0.5 * (min[axis] + max[axis])).round()),
+            crs: file.crs(),
+            extra_bytes: layout.extra_bytes,
+            has_standard_time: file.has_standard_time(),
+            generating_software: String::new(),
+            notes,
+            format,
+            access: Access::Ply(file),
+        })
+    }
+
+    /// The polygon file that it is, if it is one.
+    pub(super) fn ply(&self) -> Option<&PlyFile> {
+        match &self.access {
+            Access::Ply(file) => Some(file),
+            _ => None,
+        }
+    }
+
+    /// Its chunks, if they differ in length.
+    pub(super) fn chunks(&self) -> Option<&[Chunk]> {
+        match &self.access {
+            Access::Chunks { chunks, .. } => Some(chunks),
+            _ => None,
+        }
+    }
+
+    /// What kind of file it is, as people call it.
+    pub fn kind(&self) -> &'static str {
+        match &self.access {
+            Access::Ply(_) => "PLY",
+            Access::Chunks {
+                is_octree: true, ..
+            } => "COPC",
+            _ if self.format.is_compressed => "LAZ",
+            _ => "LAS",
+        }
     }
 
     /// The points of a chunk of LAZ, if all chunks are alike and `reader` finds them.
@@ -177,14 +308,15 @@ impl InputFile {
     }
 
     /// Its points in parts that can be read apart from each other, each of about
-    /// `points`.
-    pub fn parts(&self, points: u64) -> Vec<Range<u64>> {
+    /// `points`; without those of an octree of which `filter` wants none.
+    pub fn parts(&self, points: u64, filter: &PointFilter) -> Vec<Range<u64>> {
         let all = self.points_claimed;
         // The claim may be a lie: it must not say how much is allocated.
         let points = points.max(all.div_ceil(MOST_PARTS));
-        let length = match self.stride {
-            Some(stride) => points.div_ceil(stride).saturating_mul(stride),
-            None => all,
+        let length = match &self.access {
+            Access::Stride(stride) => points.div_ceil(*stride).saturating_mul(*stride),
+            Access::Start | Access::Ply(_) => all,
+            Access::Chunks { chunks, .. } => return parts_of(chunks, points, all, filter),
         };
         let starts = (0..all.max(1)).step_by(usize::try_from(length.max(1)).unwrap_or(usize::MAX));
         starts
@@ -192,23 +324,9 @@ impl InputFile {
             .collect()
     }
 
-    fn batch_points(&self) -> u64 {
+    /// Points that are decoded at a time.
+    pub(super) fn batch_points(&self) -> u64 {
         BATCH.min(BATCH_BYTES / u64::from(self.format.len())).max(1)
-    }
-
-    /// Reads over the first `points` of a file in which they cannot be jumped over;
-    /// whether there are so many.
-    fn skips(&self, reader: &mut Reader, points: u64) -> Result<bool, LasError> {
-        *reader = self.open()?;
-        let mut left = points;
-        while left > 0 {
-            let read = guarded(|| reader.read_points(left.min(self.batch_points())));
-            match read {
-                Some(Ok(batch)) if !batch.is_empty() => left -= batch.len() as u64,
-                _ => return Ok(false),
-            }
-        }
-        Ok(true)
     }
 
     /// Whether the header's bounds can be true of a file with a point at
@@ -272,26 +390,6 @@ impl InputFile {
     pub fn is_compressed(&self) -> bool {
         self.format.is_compressed
     }
-
-    fn open(&self) -> Result<Reader, LasError> {
-        let file = File::open(&self.path)
-            .map_err(|e| LasError::new(&self.path, format!("cannot be read: {e}")))?;
-        // Parts of files are decoded in parallel, by a reader each: the parallel
-        // decoder holds whole chunks, and some files are a single one.
-        let options = ReaderOptions::default().with_laz_parallelism(LazParallelism::No);
-        let open = || Reader::with_options(GuardedFile::new(file)?, options);
-        match guarded(open) {
-            Some(Ok(reader)) => Ok(reader),
-            Some(Err(error)) => Err(LasError::new(
-                &self.path,
-                format!("cannot be opened: {error}; the file is damaged or truncated"),
-            )),
-            None => Err(LasError::new(
-                &self.path,
-                "cannot be opened: the file is damaged",
-            )),
-        }
-    }
 }
 
 /// The extra bytes that the records describe, and one more for those that no
@@ -321,13 +419,34 @@ fn extra_bytes(vlrs: &[&Vlr], length: usize, notes: &mut Vec<String>) -> Vec<Ext
     extras
 }
 
+/// Runs of `chunks` that are wanted, each of about `points` of the first `all`.
+fn parts_of(chunks: &[Chunk], points: u64, all: u64, filter: &PointFilter) -> Vec<Range<u64>> {
+    let mut parts: Vec<Range<u64>> = Vec::new();
+    let mut start = 0;
+    for chunk in chunks {
+        let end = all.min(start + chunk.points);
+        let is_wanted = chunk
+            .ground
+            .is_none_or(|[min, max]| filter.may_keep(min, max));
+        if is_wanted && end > start {
+            match parts.last_mut() {
+                Some(last) if last.end == start && last.end - last.start < points => last.end = end,
+                _ => parts.push(start..end),
+            }
+        }
+        start = end;
+    }
+    parts
+}
+
 /// The points of a part of a file, as records of the run.
 #[allow(missing_debug_implementations, reason = "the reader inside has none")]
 pub struct PointStream {
     path: PathBuf,
-    reader: Reader,
-    batch: PointData,
+    decoder: Decoder,
+    record_length: usize,
     converter: Converter,
+    filter: PointFilter,
     part: Range<u64>,
     claimed: u64,
     /// Points read so far, and at a time.
@@ -338,7 +457,8 @@ pub struct PointStream {
 }
 
 impl PointStream {
-    /// Opens a `part` of `input`, to be read as `record` on `lattice`.
+    /// Opens a `part` of `input`, to be read as `record` on `lattice` where `filter`
+    /// wants it.
     ///
     /// # Errors
     ///
@@ -348,26 +468,16 @@ impl PointStream {
         part: Range<u64>,
         record: &RecordFormat,
         lattice: Lattice,
+        filter: &PointFilter,
     ) -> Result<Self, LasError> {
-        let mut reader = input.open()?;
-        if part.start > 0
-            && !(finds(&mut reader, part.start) || input.skips(&mut reader, part.start)?)
-        {
-            return Err(LasError::new(
-                &input.path,
-                format!(
-                    "is damaged: point {} of {} is not found",
-                    part.start, input.points_claimed
-                ),
-            ));
-        }
         Ok(Self {
-            part,
             path: input.path.clone(),
-            batch: PointDataBuilder::new().for_header(reader.header()).build(),
+            decoder: Decoder::open(input, &part)?,
+            record_length: input.format.len().into(),
             converter: Converter::new(input, record, lattice),
+            filter: filter.clone(),
+            part,
             claimed: input.points_claimed,
-            reader,
             read: 0,
             batch_points: input.batch_points(),
             bounds: input.bounds.map(|corner| {
@@ -391,16 +501,23 @@ impl PointStream {
         if wanted == 0 {
             return Ok(counts);
         }
-        let (reader, batch) = (&mut self.reader, &mut self.batch);
-        let read = match guarded(|| reader.fill_points(wanted, batch)) {
-            Some(Ok(read)) if read > 0 => read,
-            Some(Ok(_)) => return Err(self.broken("no more points")),
-            Some(Err(error)) => return Err(self.broken(&error.to_string())),
-            None => return Err(self.broken("the decoder gave up")),
+        let read = match self.decoder.fill(wanted) {
+            Ok(read) if read > 0 => read,
+            Ok(_) => return Err(self.broken("no more points")),
+            Err(why) => return Err(self.broken(&why)),
         };
-        for raw in self.batch.raw_bytes().chunks_exact(self.batch.record_len()) {
+        let is_filtered = !self.filter.is_empty();
+        for raw in self.decoder.raw().chunks_exact(self.record_length) {
+            let start = records.len();
             if !self.converter.convert(raw, records) {
                 counts.rejected += 1;
+            } else if is_filtered
+                && !self
+                    .filter
+                    .keeps(&records[start..], &self.converter.world(raw))
+            {
+                records.truncate(start);
+                counts.filtered += 1;
             }
             counts.outside += u64::from(!is_within(raw, &self.bounds));
         }
@@ -419,11 +536,6 @@ impl PointStream {
             ),
         )
     }
-}
-
-/// Goes on reading at `point`; whether the reader finds it.
-fn finds(reader: &mut Reader, point: u64) -> bool {
-    matches!(guarded(|| reader.seek(point)), Some(Ok(())))
 }
 
 /// The coordinates of a record, as stored.

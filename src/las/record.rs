@@ -61,6 +61,15 @@ impl ExtraByte {
         })
     }
 
+    /// One of this name and type (LAS 1.4, table 25).
+    pub(super) fn named(name: &str, data_type: u8) -> Self {
+        let mut descriptor = vec![0; DESCRIPTOR_BYTES];
+        descriptor[2] = data_type;
+        let name: Vec<u8> = name.bytes().take(32).collect();
+        descriptor[4..4 + name.len()].copy_from_slice(&name);
+        Self::from_descriptor(&descriptor).unwrap_or_else(|| Self::undescribed(0))
+    }
+
     /// Bytes that no record describes.
     pub(super) fn undescribed(length: usize) -> Self {
         Self {
@@ -139,8 +148,26 @@ impl RecordFormat {
         })
     }
 
+    /// Adds an extra-bytes attribute of a real number (32 bits), unless there is one of
+    /// that name and type already; where in a record it is.
+    pub(crate) fn add_real(&mut self, name: &str, description: &str) -> usize {
+        const REAL: u8 = 9;
+        let mut at = self.standard_length();
+        for known in &self.extra_bytes {
+            if known.name == name && known.descriptor.get(2) == Some(&REAL) {
+                return at;
+            }
+            at += known.length;
+        }
+        let mut added = ExtraByte::named(name, REAL);
+        let text = description.as_bytes();
+        added.descriptor[160..160 + text.len()].copy_from_slice(text);
+        self.extra_bytes.push(added);
+        at
+    }
+
     /// Length of the standard part of a record in bytes.
-    fn standard_length(&self) -> usize {
+    pub(crate) fn standard_length(&self) -> usize {
         match self.point_format {
             6 => 30,
             7 => 36,
@@ -236,15 +263,19 @@ impl Converter {
         }
     }
 
-    /// Appends the run's form of `raw` to `out`; `false`, and nothing appended,
-    /// if the point lies outside of what the lattice can hold.
-    pub(super) fn convert(&self, raw: &[u8], out: &mut Vec<u8>) -> bool {
-        let coordinate = |axis: usize| {
+    /// The place of `raw` in world coordinates.
+    pub(super) fn world(&self, raw: &[u8]) -> [f64; 3] {
+        [0, 1, 2].map(|axis| {
             let at = 4 * axis;
             let stored = i32::from_le_bytes([raw[at], raw[at + 1], raw[at + 2], raw[at + 3]]);
             f64::from(stored) * self.scale[axis] + self.offset[axis]
-        };
-        let world = [coordinate(0), coordinate(1), coordinate(2)];
+        })
+    }
+
+    /// Appends the run's form of `raw` to `out`; `false`, and nothing appended,
+    /// if the point lies outside of what the lattice can hold.
+    pub(super) fn convert(&self, raw: &[u8], out: &mut Vec<u8>) -> bool {
+        let world = self.world(raw);
         let Some(point) = self.lattice.quantise(world) else {
             return false;
         };

@@ -18,6 +18,8 @@ use ::las::{
 use super::{
     Crs, LasError, RecordFormat, Workspace,
     copc::{first_records, write_octree},
+    ply_writing::Vertices,
+    tiled::{holds_tiles, write_tiles},
 };
 use crate::{
     geometry::{Lattice, Stored},
@@ -35,6 +37,8 @@ pub enum Format {
     Copc,
     /// Polygon file format, points only.
     Ply,
+    /// A directory of tiles, each LAZ.
+    Tiles,
 }
 
 impl Format {
@@ -59,6 +63,21 @@ impl Format {
                 path,
                 "name the output .copc.laz, .laz, .las or .ply",
             )),
+        }
+    }
+
+    /// Refuses to replace a directory, but one that holds nothing but tiles by tiles.
+    ///
+    /// # Errors
+    ///
+    /// If such a one is at `path`.
+    pub fn check_replaceable(self, path: &Path) -> Result<(), LasError> {
+        match path.is_dir() && !(self == Self::Tiles && holds_tiles(path)) {
+            true => Err(LasError::new(
+                path,
+                "is a directory that holds other things than tiles; give another name",
+            )),
+            false => Ok(()),
         }
     }
 }
@@ -100,11 +119,14 @@ enum Body {
     },
     Ply {
         sink: Sink,
-        header: CloudHeader,
+        vertices: Vertices,
+        record_length: usize,
         count_at: u64,
     },
-    Copc {
-        file: File,
+    /// Points that are sorted by place first, for an octree or tiles.
+    Sorted {
+        /// The octree's; tiles are files of their own.
+        file: Option<File>,
         header: CloudHeader,
         workspace: Workspace,
         spill: SpillWriter,
@@ -121,8 +143,8 @@ const BOUNDS: u64 = 179;
 /// Where it says where extended records begin, how many there are, how many points, and
 /// how many by return.
 const EXTENDED: u64 = 235;
-/// Edge of the cells by which the points of an octree are sorted first, in spacings.
-const OCTREE_CELL: f64 = 512.0;
+/// Edge of the cells by which points are sorted first, in spacings.
+const SORTED_CELL: f64 = 512.0;
 
 impl CloudWriter {
     /// Begins the cloud at `path`, under another name in the same directory.
@@ -142,50 +164,56 @@ impl CloudWriter {
         name.push(path.file_name().ok_or_else(|| wrong(&"it has no name"))?);
         name.push(".part");
         let part = path.with_file_name(name);
-        let file = File::create(&part).map_err(|e| wrong(&e))?;
+        format.check_replaceable(path)?;
+        let file = match format {
+            Format::Tiles => {
+                drop(std::fs::remove_dir_all(&part));
+                std::fs::create_dir(&part).map_err(|e| wrong(&e))?;
+                None
+            }
+            _ => Some(File::create(&part).map_err(|e| wrong(&e))?),
+        };
         let failure = Failure::default();
         let sink = |file| Sink {
             file: BufWriter::with_capacity(1 << 20, file),
             failure: failure.clone(),
         };
-        let body = match format {
-            Format::Copc => {
-                let edge = header.lattice.units(OCTREE_CELL * workspace.spacing);
-                Body::Copc {
-                    file,
-                    header: header.clone(),
-                    workspace: workspace.clone(),
-                    spill: SpillWriter::create(
-                        &workspace.stem,
-                        CellGrid::new(edge),
-                        header.record.record_length(),
-                        workspace.buffer_bytes,
-                    )
-                    .map_err(|e| wrong(&e))?,
-                }
-            }
-            Format::Ply => {
+        let body = match (format, file) {
+            (Format::Ply, Some(file)) => {
                 let mut sink = sink(file);
-                let (text, count_at) = ply_header(header);
+                let vertices = Vertices::new(header);
+                let (text, count_at) = vertices.header(header);
                 sink.write_all(text.as_bytes()).map_err(|e| wrong(&e))?;
                 Body::Ply {
                     sink,
-                    header: header.clone(),
+                    vertices,
+                    record_length: header.record.record_length(),
                     count_at,
                 }
             }
-            Format::Las | Format::Laz => {
-                let sink = sink(file);
+            (Format::Las | Format::Laz, Some(file)) => {
                 let las = las_header(header, format).map_err(|e| wrong(&e))?;
                 let (format, transforms) = (*las.point_format(), *las.transforms());
                 Body::Las {
-                    writer: Box::new(Writer::new(sink, las).map_err(|e| wrong(&e))?),
+                    writer: Box::new(Writer::new(sink(file), las).map_err(|e| wrong(&e))?),
                     format,
                     transforms,
                     lattice: header.lattice,
                     bounds: [[i32::MAX; 3], [i32::MIN; 3]],
                 }
             }
+            (_, file) => Body::Sorted {
+                file,
+                header: header.clone(),
+                workspace: workspace.clone(),
+                spill: SpillWriter::create(
+                    &workspace.stem,
+                    CellGrid::new(header.lattice.units(SORTED_CELL * workspace.spacing)),
+                    header.record.record_length(),
+                    workspace.buffer_bytes,
+                )
+                .map_err(|e| wrong(&e))?,
+            },
         };
         let writer = Self {
             path: path.to_owned(),
@@ -230,16 +258,21 @@ impl CloudWriter {
                     });
                 batch.map_err(|e| LasError::new(&self.path, format!("cannot be written: {e}")))?;
             }
-            Body::Ply { sink, header, .. } => {
+            Body::Ply {
+                sink,
+                vertices,
+                record_length,
+                ..
+            } => {
                 let mut out = Vec::new();
-                for record in records.chunks_exact(header.record.record_length()) {
-                    ply_vertex(header, record, &mut out);
+                for record in records.chunks_exact(*record_length) {
+                    vertices.append(record, &mut out);
                     self.points += 1;
                 }
                 sink.write_all(&out)
                     .map_err(|e| LasError::new(&self.path, format!("cannot be written: {e}")))?;
             }
-            Body::Copc { spill, header, .. } => {
+            Body::Sorted { spill, header, .. } => {
                 spill
                     .push(records)
                     .map_err(|e| LasError::new(&self.path, format!("cannot be written: {e}")))?;
@@ -283,8 +316,8 @@ impl CloudWriter {
                 amendments.push((count_at, format!("{points:<20}").into_bytes()));
                 sink.flush().map_err(|e| wrong(&e))?;
             }
-            Body::Copc {
-                file,
+            Body::Sorted {
+                file: Some(file),
                 header,
                 workspace,
                 spill,
@@ -293,12 +326,11 @@ impl CloudWriter {
                 let las = las_header(&header, Format::Copc).map_err(|e| wrong(&e))?;
                 let mut file = BufWriter::with_capacity(1 << 20, file);
                 las.write_to(&mut file).map_err(|e| wrong(&e))?;
-                let record = &header.record;
                 let (mut file, table_at) = write_octree(
                     &spill,
                     &header.lattice,
                     header.lattice.units(workspace.spacing),
-                    record,
+                    &header.record,
                     workspace.sort_bytes,
                     file,
                     progress,
@@ -316,6 +348,19 @@ impl CloudWriter {
                 amendments.push((EXTENDED, counts));
                 spill.remove();
             }
+            Body::Sorted {
+                file: None,
+                header,
+                workspace,
+                spill,
+            } => {
+                let spill = spill.finish().map_err(|e| wrong(&e))?;
+                let name = path.file_name().map(|name| name.to_string_lossy());
+                let name = name.unwrap_or_default();
+                let bytes = write_tiles(&self.part, &name, &spill, &header, &workspace, progress)?;
+                spill.remove();
+                return Ok(self.completed(bytes));
+            }
             Body::Complete => {}
         }
         self.check()?;
@@ -329,14 +374,18 @@ impl CloudWriter {
             Ok(file.metadata()?.len())
         });
         let bytes = complete.map_err(|e: io::Error| wrong(&e))?;
+        Ok(self.completed(bytes))
+    }
+
+    fn completed(mut self, bytes: u64) -> CompleteCloud {
         self.finished = true;
-        Ok(CompleteCloud {
+        CompleteCloud {
             path: self.path.clone(),
             part: self.part.clone(),
             points: self.points,
             bytes,
             delivered: false,
-        })
+        }
     }
 
     fn check(&self) -> Result<(), LasError> {
@@ -355,7 +404,7 @@ impl Drop for CloudWriter {
         if !self.finished {
             // Not to be completed on the way out: it would be thrown away.
             self.failure.stop();
-            drop(std::fs::remove_file(&self.part));
+            remove(&self.part);
         }
     }
 }
@@ -392,8 +441,17 @@ impl CompleteCloud {
     ///
     /// If it cannot be renamed; nothing is left of it then.
     pub fn deliver(mut self) -> Result<(), LasError> {
-        std::fs::rename(&self.part, &self.path)
-            .map_err(|e| LasError::new(&self.path, format!("cannot be written: {e}")))?;
+        let wrong = |e| LasError::new(&self.path, format!("cannot be written: {e}"));
+        if self.part.is_dir() && self.path.is_dir() {
+            // A directory does not replace another one that is not empty.
+            let old = self.part.with_extension("old");
+            remove(&old);
+            std::fs::rename(&self.path, &old).map_err(wrong)?;
+            std::fs::rename(&self.part, &self.path).map_err(wrong)?;
+            remove(&old);
+        } else {
+            std::fs::rename(&self.part, &self.path).map_err(wrong)?;
+        }
         self.delivered = true;
         // Of the name, too: where a directory cannot be flushed, the system does so.
         if let Some(dir) = self.path.parent()
@@ -408,8 +466,15 @@ impl CompleteCloud {
 impl Drop for CompleteCloud {
     fn drop(&mut self) {
         if !self.delivered {
-            drop(std::fs::remove_file(&self.part));
+            remove(&self.part);
         }
+    }
+}
+
+/// Removes a file, or a directory with all that is in it.
+fn remove(path: &Path) {
+    if std::fs::remove_file(path).is_err() {
+        drop(std::fs::remove_dir_all(path));
     }
 }
 
@@ -485,33 +550,6 @@ fn creation_date() -> Option<chrono::NaiveDate> {
         .and_then(|text| text.trim().parse().ok())
         .and_then(|seconds| chrono::DateTime::from_timestamp(seconds, 0));
     Some(fixed.unwrap_or_else(chrono::Utc::now).date_naive())
-}
-
-fn ply_header(header: &CloudHeader) -> (String, u64) {
-    let mut text = String::from("ply\nformat binary_little_endian 1.0\ncomment lloydar\n");
-    text += "element vertex ";
-    let count_at = text.len() as u64;
-    text += &format!("{:<20}\n", 0);
-    text += "property double x\nproperty double y\nproperty double z\n";
-    if header.record.has_color() {
-        text += "property ushort red\nproperty ushort green\nproperty ushort blue\n";
-    }
-    text += "property ushort intensity\nproperty uchar classification\n";
-    text += "property ushort point_source_id\nproperty double gps_time\nend_header\n";
-    (text, count_at)
-}
-
-fn ply_vertex(header: &CloudHeader, record: &[u8], out: &mut Vec<u8>) {
-    for c in header.lattice.world(Stored::of_record(record)) {
-        out.extend(c.to_le_bytes());
-    }
-    if header.record.has_color() {
-        out.extend(&record[30..36]);
-    }
-    out.extend(&record[12..14]);
-    out.push(record[16]);
-    out.extend(&record[20..22]);
-    out.extend(&record[22..30]);
 }
 
 /// The first failure of a sink, which its owner asks for.

@@ -136,6 +136,11 @@ pub struct Site {
     pub is_closed: bool,
     /// Number of neighbours whose cells touch its own.
     pub neighbors: u8,
+    /// Normal of its patch, upwards; `None` without a patch to trust.
+    pub normal: Option<Local>,
+    /// Mean curvature of its patch (1 / CRS unit), positive where the surface bends
+    /// towards the normal; NaN without a patch to trust.
+    pub curvature: f64,
     /// Area of its cell; 0 where there is none.
     pub area: f64,
     /// Energy of its cell (paper, equation 2).
@@ -411,11 +416,15 @@ impl<'a> Sites<'a> {
                     .and_then(|fit| around.restricted_cell(fit, scan, options));
                 let nearest = around.nearest_within(FARTHEST_NEIGHBOR * options.spacing);
                 let cell = &around.scratch.cell;
+                let trusted = step.fit.as_ref().filter(|fit| fit.is_trusted());
+                let surface = trusted.map(|fit| fit.patch.upwards());
                 Site {
                     identity: identities[around.site],
                     position: around.place,
                     is_exact: step.is_exact,
-                    is_held: !step.fit.as_ref().is_some_and(Fit::is_trusted),
+                    is_held: trusted.is_none(),
+                    normal: surface.map(|(normal, _)| normal),
+                    curvature: surface.map_or(f64::NAN, |(_, curvature)| curvature),
                     is_closed: moments.is_some() && cell.is_closed(),
                     neighbors: u8::try_from(cell.neighbor_count()).unwrap_or(u8::MAX),
                     area: moments.map_or(0.0, |m| m.area),

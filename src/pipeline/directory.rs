@@ -202,8 +202,8 @@ impl JobDirectory {
 
 /// Whether `name` is that of a file that jobs make.
 fn is_own(name: &str) -> bool {
-    const STEMS: [&str; 8] = [
-        "job", "left-out", "lock", "octree", "plan", "spacing", "spill", "tiles",
+    const STEMS: [&str; 9] = [
+        "inputs", "job", "left-out", "lock", "octree", "plan", "spacing", "spill", "tiles",
     ];
     const ENDINGS: [&str; 8] = [
         "",

@@ -33,14 +33,14 @@ impl Glimpse {
         most_sites: u32,
         spill: &Spill,
         settled: &SettledTiles,
+        record_length: usize,
         lattice: &Lattice,
         spacing: f64,
     ) -> Result<Self, JobError> {
-        let length = spill.record_length();
         let sites = |tile: u32| -> Result<Vec<Stored>, JobError> {
             let records = settled.records(tile)?;
             Ok(records
-                .chunks_exact(length)
+                .chunks_exact(record_length)
                 .map(Stored::of_record)
                 .collect())
         };

@@ -16,9 +16,11 @@ use super::{
     disk::{Need, check_room},
     memory::{Budget, mebibytes, peak_resident},
     planning::Planning,
+    provenance::{checksums, provenance},
     scattering::{input_counts, scatter_inputs},
     solving::{load, solve_tile},
     tiles::{SettledTiles, SolvedTiles},
+    transfer::Transfer,
     writing,
 };
 use crate::{
@@ -146,6 +148,23 @@ impl Job {
         })
     }
 
+    /// Whether the output's points are sorted by place before they are written.
+    pub(super) fn is_sorted(&self) -> bool {
+        matches!(self.format(), Ok(Format::Copc | Format::Tiles))
+    }
+
+    fn format(&self) -> Result<Format, LasError> {
+        let of_file = Format::of_path(&self.output);
+        match (self.settings.output_tiles, of_file) {
+            (None, of_file) => of_file,
+            (Some(_), Err(_)) => Ok(Format::Tiles),
+            (Some(_), Ok(_)) => Err(LasError::new(
+                &self.output,
+                "is the name of a file; --output-tiles wants that of a directory",
+            )),
+        }
+    }
+
     fn pool(&self) -> Result<rayon::ThreadPool, JobError> {
         rayon::ThreadPoolBuilder::new()
             .num_threads(self.settings.threads)
@@ -160,7 +179,8 @@ impl Job {
 
     /// Refuses now what would fail at the end of the night.
     fn check_output(&self) -> Result<Format, JobError> {
-        let format = Format::of_path(&self.output)?;
+        let format = self.format()?;
+        format.check_replaceable(&self.output)?;
         let wrong = |e| LasError::new(&self.output, format!("cannot be written: {e}"));
         let trial = self.output.with_extension("lloydar-trial");
         File::create(&trial).map_err(wrong)?;
@@ -183,8 +203,7 @@ impl Job {
                 mebibytes(budget.least())
             )));
         }
-        let target = Some(self.settings.target);
-        let survey = Survey::of(&self.inputs, target, self.skip_bad_files)?;
+        let survey = Survey::of(&self.inputs, &self.settings, self.skip_bad_files)?;
         for note in &survey.notes {
             progress.note(note);
         }
@@ -205,9 +224,15 @@ impl Job {
         clock.stop("survey");
         let prepared = self.prepare_in(&directory, survey, &budget, progress, cancel, clock);
         let prepared = prepared.and_then(|prepared| inputs.check().map(|()| prepared));
+        let prepared = prepared.and_then(|(survey, spill, options, plan)| {
+            let checksums = checksums(&survey, &directory)?;
+            Ok((survey, spill, options, plan, checksums))
+        });
         match prepared {
-            Ok((survey, spill, options, plan)) => Ok(Some(Running {
+            Ok((survey, spill, options, plan, checksums)) => Ok(Some(Running {
+                checksums,
                 inputs: input_counts(&survey, &spill),
+                transfer: Transfer::new(&survey.record, &self.settings),
                 directory,
                 survey,
                 spill,
@@ -357,8 +382,10 @@ impl Job {
                 let start = Instant::now();
                 let loaded = loaded?;
                 let id = loaded.tile.id;
-                let (solved, mut figures) =
-                    pool.install(|| solve_tile(&running.spill, loaded, &running.options))?;
+                let (solved, mut figures) = pool.install(|| {
+                    let (spill, options) = (&running.spill, &running.options);
+                    solve_tile(spill, loaded, options, &running.transfer)
+                })?;
                 figures.seconds = start.elapsed().as_secs_f64();
                 solved_tiles.add(id, &solved, &figures)?;
                 progress.advance(1);
@@ -405,20 +432,28 @@ impl Job {
             largest.map_or(0, |figures| figures.tile.id),
             &running.spill,
             &settled,
+            running.transfer.record().record_length(),
             lattice,
             spacing,
         )?;
         progress.begin("write", plan.tiles.len() as u64, 0, Unit::Tiles);
         let header = CloudHeader {
-            record: running.survey.record.clone(),
+            record: running.transfer.record().clone(),
             lattice: *lattice,
             crs: running.survey.crs.clone(),
             has_standard_time: running.survey.has_standard_time,
-            provenance: self.provenance(running),
+            provenance: provenance(
+                &self.settings,
+                spacing,
+                &running.survey,
+                &running.checksums,
+                &running.spill,
+            ),
         };
         let budget = Budget::new(self.settings.memory, self.settings.threads);
         let workspace = Workspace {
             spacing,
+            tile_edge: self.settings.output_tiles.unwrap_or(0.0),
             stem: running.directory.path().join("octree"),
             buffer_bytes: budget.buffers(),
             sort_bytes: budget.tile() as usize / 2,
@@ -429,21 +464,21 @@ impl Job {
             &settled,
             lattice,
             spacing,
-            running.spill.record_length(),
+            running.transfer.record().record_length(),
             seams,
             &mut writer,
             progress,
         )?;
         progress.end();
         clock.stop("write");
-        if format == Format::Copc {
-            progress.begin("octree", running.plan.points_out, 0, Unit::Points);
+        if self.is_sorted() {
+            progress.begin("sort", running.plan.points_out, 0, Unit::Points);
         }
         let cloud = writer.complete(&|points| progress.advance(points))?;
         let points = cloud.points();
-        if format == Format::Copc {
+        if self.is_sorted() {
             progress.end();
-            clock.stop("octree");
+            clock.stop("sort");
         }
         let sites: u64 = tiles.iter().map(|tile| tile.sites).sum();
         if points != sites {
@@ -473,44 +508,17 @@ impl Job {
         };
         Ok((outcome, cloud))
     }
-
-    fn provenance(&self, running: &Running) -> String {
-        let names: Vec<String> = running
-            .survey
-            .inputs
-            .iter()
-            .take(200)
-            .map(|input| {
-                input
-                    .path
-                    .file_name()
-                    .map_or_else(String::new, |name| name.to_string_lossy().into_owned())
-            })
-            .collect();
-        let settings = Settings {
-            memory: None,
-            threads: 1,
-            tile_size: None,
-            halo: None,
-            ..self.settings.clone()
-        };
-        serde_json::json!({
-            "lloydar": env!("CARGO_PKG_VERSION"),
-            "spacing": running.options.spacing,
-            "settings": settings,
-            "inputs": names,
-            "points_read": running.spill.points(),
-        })
-        .to_string()
-    }
 }
 
 /// A job whose tiles are known.
 struct Running {
     directory: JobDirectory,
     survey: Survey,
+    /// Of the inputs, as far as they are named.
+    checksums: Vec<String>,
     spill: Spill,
     options: Options,
+    transfer: Transfer,
     plan: JobPlan,
     inputs: Vec<InputCount>,
 }

@@ -17,7 +17,7 @@ use super::{
 };
 use crate::{
     geometry::{Lattice, NeighborGrid, Stored},
-    las::{InputFile, LasError, PlyFile, PlyStream, PointStream, RecordFormat, expand_inputs},
+    las::{InputFile, PointFilter, PointStream, RecordFormat, expand_inputs},
     lloyd::{Domain, Options, Scan, describe_points},
     quality::{DistanceFigures, DistanceTally, Uniformity, UniformityTally},
     tile::{
@@ -84,81 +84,30 @@ impl Mark {
     }
 }
 
-/// A file of points, of a kind that can be measured.
-enum File {
-    Las(Box<InputFile>),
-    Ply(PlyFile, [[f64; 3]; 2]),
-}
-
-impl File {
-    fn survey(path: &Path) -> Result<Self, LasError> {
-        if !path
-            .extension()
-            .is_some_and(|e| e.eq_ignore_ascii_case("ply"))
-        {
-            return Ok(Self::Las(Box::new(InputFile::survey(path)?)));
-        }
-        let file = PlyFile::survey(path)?;
-        let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-        let mut stream = file.open()?;
-        let mut is_sound = true;
-        while let Some(place) = stream.next_place()? {
-            is_sound &= place.iter().all(|c| c.is_finite());
-            for (axis, &c) in place.iter().enumerate() {
-                bounds[0][axis] = bounds[0][axis].min(c);
-                bounds[1][axis] = bounds[1][axis].max(c);
-            }
-        }
-        if !is_sound || bounds[0][0] > bounds[1][0] {
-            return Err(LasError {
-                path: path.display().to_string(),
-                problem: "has no vertices, or one that is not finite".into(),
-            });
-        }
-        Ok(Self::Ply(file, bounds))
-    }
-
-    fn bounds(&self) -> [[f64; 3]; 2] {
-        match self {
-            Self::Las(input) => input.bounds,
-            Self::Ply(_, bounds) => *bounds,
-        }
-    }
-
-    /// The scale of its coordinates, if they are stored as integers.
-    fn scale(&self) -> Option<f64> {
-        match self {
-            Self::Las(input) => input.scale.into_iter().reduce(f64::min),
-            Self::Ply(..) => None,
-        }
-    }
-
-    fn open(&self, mark: Mark, lattice: Lattice) -> Result<Box<dyn Source + '_>, SourceError> {
-        Ok(match self {
-            Self::Las(input) => {
-                let record = RecordFormat::for_inputs(std::slice::from_ref(&**input))?;
-                Box::new(LasPoints {
-                    stream: PointStream::open(input, 0..input.points_claimed, &record, lattice)?,
-                    length: record.record_length(),
-                    mark,
-                })
-            }
-            Self::Ply(file, _) => Box::new(PlyPoints {
-                stream: file.open()?,
-                lattice,
-                mark,
-            }),
-        })
-    }
-}
-
-struct LasPoints {
+/// The points of a file, with a mark.
+struct Marked {
     stream: PointStream,
     length: usize,
     mark: Mark,
 }
 
-impl Source for LasPoints {
+impl Marked {
+    fn open(
+        input: &InputFile,
+        mark: Mark,
+        lattice: Lattice,
+    ) -> Result<Box<dyn Source>, SourceError> {
+        let record = RecordFormat::for_inputs(std::slice::from_ref(input))?;
+        let (all, filter) = (0..input.points_claimed, PointFilter::default());
+        Ok(Box::new(Self {
+            stream: PointStream::open(input, all, &record, lattice, &filter)?,
+            length: record.record_length(),
+            mark,
+        }))
+    }
+}
+
+impl Source for Marked {
     fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<PointCounts, SourceError> {
         let counts = self.stream.next_batch(records)?;
         let mut kept = 0;
@@ -168,31 +117,6 @@ impl Source for LasPoints {
             kept += MARKED;
         }
         records.truncate(kept);
-        Ok(counts)
-    }
-}
-
-struct PlyPoints {
-    stream: PlyStream,
-    lattice: Lattice,
-    mark: Mark,
-}
-
-impl Source for PlyPoints {
-    fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<PointCounts, SourceError> {
-        const BATCH: u64 = 50_000;
-        records.clear();
-        let mut counts = PointCounts::default();
-        while counts.read < BATCH
-            && let Some(place) = self.stream.next_place()?
-        {
-            counts.read += 1;
-            // Within the bounds that the lattice was made for.
-            if let Some(Stored { x, y, z }) = self.lattice.quantise(place) {
-                records.extend([x, y, z].into_iter().flat_map(i32::to_le_bytes));
-                records.push(self.mark.byte());
-            }
-        }
         Ok(counts)
     }
 }
@@ -215,7 +139,7 @@ pub fn measure(
     for (mark, paths) in [(Mark::Cloud, files), (Mark::Scan, against)] {
         if !paths.is_empty() {
             for path in expand_inputs(paths)? {
-                marked.push((mark, File::survey(&path)?));
+                marked.push((mark, InputFile::survey(&path)?));
             }
         }
     }
@@ -240,10 +164,10 @@ pub fn measure_against_surface(
 ) -> Result<DistanceFigures, JobError> {
     let mut tally = DistanceTally::new(spacing);
     for path in expand_inputs(files)? {
-        let marked = [(Mark::Cloud, File::survey(&path)?)];
+        let marked = [(Mark::Cloud, InputFile::survey(&path)?)];
         let lattice = lattice(&marked);
         let wrong = |e: SourceError| JobError::Tile(TileError::Sources(vec![(0, e)]));
-        let mut source = marked[0].1.open(Mark::Cloud, lattice).map_err(wrong)?;
+        let mut source = Marked::open(&marked[0].1, Mark::Cloud, lattice).map_err(wrong)?;
         let mut records = Vec::new();
         while source.next_batch(&mut records).map_err(wrong)?.read > 0 {
             for record in records.chunks_exact(MARKED) {
@@ -254,32 +178,30 @@ pub fn measure_against_surface(
     Ok(tally.figures())
 }
 
-/// The lattice of all `files`: the finest of theirs; of polygon files alone one
-/// that no `f32` can tell from their own.
-fn lattice(files: &[(Mark, File)]) -> Lattice {
+/// The lattice of all `files`: the finest of theirs.
+fn lattice(files: &[(Mark, InputFile)]) -> Lattice {
     let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
     for (_, file) in files {
-        let [min, max] = file.bounds();
+        let [min, max] = file.bounds;
         for axis in 0..3 {
             bounds[0][axis] = bounds[0][axis].min(min[axis]);
             bounds[1][axis] = bounds[1][axis].max(max[axis]);
         }
     }
     let [min, max] = bounds;
-    let extent = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
-    let finest = files
-        .iter()
-        .filter_map(|(_, file)| file.scale())
-        .reduce(f64::min);
-    let scale = finest.unwrap_or((extent / 1e9).max(f64::MIN_POSITIVE));
-    Lattice::around(min, max, scale)
+    let scales = files.iter().flat_map(|(_, file)| file.scale);
+    Lattice::around(min, max, scales.fold(f64::INFINITY, f64::min))
 }
 
-fn measure_in(files: &[(Mark, File)], dir: &Path, budget: &Budget) -> Result<Measured, JobError> {
+fn measure_in(
+    files: &[(Mark, InputFile)],
+    dir: &Path,
+    budget: &Budget,
+) -> Result<Measured, JobError> {
     let lattice = lattice(files);
     let sources: Vec<Opener<'_>> = files
         .iter()
-        .map(|(mark, file)| Box::new(move |_| file.open(*mark, lattice)) as Opener<'_>)
+        .map(|(mark, file)| Box::new(move |_| Marked::open(file, *mark, lattice)) as Opener<'_>)
         .collect();
     let options = ScatterOptions {
         record_length: MARKED,
@@ -290,7 +212,7 @@ fn measure_in(files: &[(Mark, File)], dir: &Path, budget: &Budget) -> Result<Mea
         keep_going: false,
     };
     let extent = files.iter().fold(0.0, |extent: f64, (_, file)| {
-        let [min, max] = file.bounds();
+        let [min, max] = file.bounds;
         extent.max(max[0] - min[0]).max(max[1] - min[1])
     });
     let grid = CellGrid::for_extent((extent / lattice.scale) as i64, 64);

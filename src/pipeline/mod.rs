@@ -17,11 +17,13 @@ mod measuring;
 mod memory;
 mod planning;
 mod progress;
+mod provenance;
 mod scattering;
 mod solving;
 mod spacing;
 mod survey;
 mod tiles;
+mod transfer;
 mod writing;
 
 pub use directory::default_directory;

@@ -12,6 +12,7 @@ use super::{
     job::Job,
     memory::{Budget, bytes_of, mebibytes, points_for},
     spacing,
+    transfer::Transfer,
 };
 use crate::{
     config::Target,
@@ -153,10 +154,15 @@ impl Planning<'_> {
         let million = 1e-6 / settings.threads as f64;
         let seconds = spill.points() as f64 * million * SCATTER_SECONDS * (1.0 + overlap)
             + points_out as f64 * million * STEP_SECONDS * f64::from(options.iterations) * overlap;
-        let records = points_out * spill.record_length() as u64;
-        // A site twice, as its tile leaves it and as it is settled; and those of the
-        // bands.
-        let solved = 2 * records + 48 * points_out;
+        let transfer = Transfer::new(&self.survey.record, settings);
+        let records = points_out * transfer.record().record_length() as u64;
+        // A site twice, as its tile leaves it and as it is settled, and once more if it is
+        // sorted; and those of the bands.
+        let sorted = match self.job.is_sorted() {
+            true => records,
+            false => 0,
+        };
+        let solved = 2 * records + sorted + 48 * points_out;
         self.check_disk(solved, records)?;
         let needed = self.budget.needed(plan.most_cost() as f64);
         progress.note(&format!(

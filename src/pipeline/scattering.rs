@@ -29,6 +29,8 @@ pub struct InputCount {
     pub read: u64,
     /// Points out of the range of the run's scale, left out.
     pub rejected: u64,
+    /// Points that were not asked for, left out.
+    pub filtered: u64,
     /// Points outside of the bounds that the header claims.
     pub outside: u64,
     /// Why the whole file was left out, if it was.
@@ -57,14 +59,16 @@ pub(super) fn scatter_inputs(
 ) -> Result<Spill, JobError> {
     let parts = parts(survey);
     if !Spill::is_complete(stem) {
-        progress.begin("scatter", survey.points_claimed(), 0, Unit::Points);
+        let points = parts.iter().map(|(_, part)| part.end - part.start).sum();
+        progress.begin("scatter", points, 0, Unit::Points);
         let sources = parts
             .iter()
             .map(|(input, part)| {
                 let open = move |skip| {
                     let rest = part.start + skip..part.end;
                     let input = &survey.inputs[*input];
-                    let stream = PointStream::open(input, rest, &survey.record, survey.lattice)?;
+                    let (record, lattice) = (&survey.record, survey.lattice);
+                    let stream = PointStream::open(input, rest, record, lattice, &survey.filter)?;
                     Ok(Box::new(stream) as Box<dyn Source>)
                 };
                 Box::new(open) as Opener<'_>
@@ -95,7 +99,10 @@ pub(super) fn scatter_inputs(
     }
     let spill = Spill::open(stem)?;
     // Conservation: what was read is what was spilled, or rejected.
-    let kept: u64 = spill.sources().map(|c| c.read - c.rejected).sum();
+    let kept: u64 = spill
+        .sources()
+        .map(|c| c.read - c.rejected - c.filtered)
+        .sum();
     if kept != spill.points() || spill.sources().count() != parts.len() {
         return Err(JobError::Refused(format!(
             "{kept} points were read and {} spilled: the spill is not to be trusted; begin anew with \
@@ -121,6 +128,7 @@ pub(super) fn input_counts(survey: &Survey, spill: &Spill) -> Vec<InputCount> {
             claimed: input.points_claimed,
             read: counts.read,
             rejected: counts.rejected,
+            filtered: counts.filtered,
             outside: counts.outside,
             left_out: None,
         });
@@ -129,6 +137,7 @@ pub(super) fn input_counts(survey: &Survey, spill: &Spill) -> Vec<InputCount> {
         claimed: 0,
         read: 0,
         rejected: 0,
+        filtered: 0,
         outside: 0,
         left_out: Some(bad.reason.clone()),
     });
@@ -139,7 +148,11 @@ pub(super) fn input_counts(survey: &Survey, spill: &Spill) -> Vec<InputCount> {
 fn parts(survey: &Survey) -> Vec<(usize, Range<u64>)> {
     let mut order: Vec<usize> = (0..survey.inputs.len()).collect();
     order.sort_by_key(|&i| std::cmp::Reverse(survey.inputs[i].bytes));
-    let parts = |i: usize| survey.inputs[i].parts(PART_POINTS).into_iter();
+    let parts = |i: usize| {
+        survey.inputs[i]
+            .parts(PART_POINTS, &survey.filter)
+            .into_iter()
+    };
     order
         .into_iter()
         .flat_map(|i| parts(i).map(move |part| (i, part)))

@@ -1,11 +1,9 @@
 //! One tile, alone: from the spill to a solved tile and its figures.
 
-use std::collections::{HashMap, HashSet};
-
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{JobError, gathering::gather_points, memory::points_for};
+use super::{JobError, gathering::gather_points, memory::points_for, transfer::Transfer};
 use crate::{
     geometry::{Lattice, Local, NeighborGrid, Rect, Stored},
     lloyd::{DistanceSums, Domain, Options, Scan, Site, solve},
@@ -88,6 +86,7 @@ pub(super) fn solve_tile(
     spill: &Spill,
     loaded: Loaded,
     options: &Options,
+    transfer: &Transfer,
 ) -> Result<(SolvedTile, TileFigures), JobError> {
     let Loaded {
         tile,
@@ -123,7 +122,9 @@ pub(super) fn solve_tile(
         coverage: coverage(&scan, &solution.sites, &core, options.spacing),
         convergence: solution.convergence,
     };
-    let records = nearest_records(spill, &scan, &own, &known, options.spacing, &mut figures)?;
+    let (records, distances) =
+        transfer.records(spill, &scan, &solution.sites, &own, &known, options.spacing)?;
+    distances.into_iter().for_each(|d| figures.accuracy.push(d));
     let brief = |sites: Vec<Site>| -> Vec<SolvedSite> {
         sites
             .into_iter()
@@ -138,7 +139,7 @@ pub(super) fn solve_tile(
         core: brief(own),
         band: brief(band),
         records,
-        record_length: spill.record_length(),
+        record_length: transfer.record().record_length(),
     };
     Ok((solved, figures))
 }
@@ -187,67 +188,4 @@ fn coverage(scan: &Scan, sites: &[Site], core: &Rect, spacing: f64) -> DistanceT
     // One after the other: a sum must not depend on the threads.
     distances.into_iter().for_each(|d| tally.push(d));
     tally
-}
-
-/// For every site the whole record of the input point nearest to where it will
-/// be stored. Of points at one place the one with the smallest record stands
-/// for all, whatever the order in which they were read.
-fn nearest_records(
-    spill: &Spill,
-    scan: &Scan,
-    sites: &[Site],
-    known: &Rect,
-    spacing: f64,
-    figures: &mut TileFigures,
-) -> Result<Vec<u8>, JobError> {
-    let lattice = scan.lattice();
-    let length = spill.record_length();
-    let nearest_of = |site: &Site| {
-        // What is written is what is measured.
-        let place = lattice
-            .stored(site.position)
-            .map_or(site.position, |stored| lattice.local(stored));
-        scan.nearest(place, FARTHEST * spacing)
-            .unwrap_or((site.identity, FARTHEST * spacing))
-    };
-    let found: Vec<(Stored, f64)> = sites.par_iter().map(nearest_of).collect();
-    let mut wanted: HashSet<Stored> = HashSet::with_capacity(found.len());
-    for &(nearest, distance) in &found {
-        figures.accuracy.push(distance);
-        wanted.insert(nearest);
-    }
-    let mut of_point = HashMap::with_capacity(found.len());
-    spill.gather_each(
-        known,
-        |of_point: &mut HashMap<Stored, Vec<u8>>, record| {
-            let point = Stored::of_record(record);
-            if wanted.contains(&point) {
-                keep_smallest(of_point, point, record);
-            }
-        },
-        |part| {
-            for (point, record) in part {
-                keep_smallest(&mut of_point, point, &record);
-            }
-        },
-    )?;
-    let mut records = vec![0; sites.len() * length];
-    for (place, (nearest, _)) in records.chunks_exact_mut(length).zip(found) {
-        if let Some(record) = of_point.get(&nearest) {
-            place.copy_from_slice(record);
-        }
-    }
-    Ok(records)
-}
-
-/// Of the records of one point the smallest is kept.
-fn keep_smallest(of_point: &mut HashMap<Stored, Vec<u8>>, point: Stored, record: &[u8]) {
-    of_point
-        .entry(point)
-        .and_modify(|known| {
-            if record < known.as_slice() {
-                known.copy_from_slice(record);
-            }
-        })
-        .or_insert_with(|| record.to_vec());
 }

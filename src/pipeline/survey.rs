@@ -6,9 +6,9 @@ use rayon::prelude::*;
 
 use super::{JobError, LeftOut};
 use crate::{
-    config::Target,
+    config::{Settings, Target},
     geometry::Lattice,
-    las::{Crs, InputFile, RecordFormat, expand_inputs},
+    las::{Crs, InputFile, PointFilter, RecordFormat, expand_inputs},
 };
 
 /// What the headers of all inputs say, and what follows for the run.
@@ -28,7 +28,17 @@ pub struct Survey {
     pub notes: Vec<String>,
     /// Files that cannot be read, and are left out.
     pub left_out: Vec<LeftOut>,
-    target: Option<Target>,
+    /// Which points take part.
+    pub filter: PointFilter,
+    asked: Asked,
+}
+
+/// What was asked for that headers decide on.
+#[derive(Clone, Debug)]
+struct Asked {
+    target: Target,
+    crs: Option<Crs>,
+    filter: PointFilter,
 }
 
 /// Stored units to a spacing at the least: quantisation is not to be felt.
@@ -43,7 +53,7 @@ impl Survey {
     /// [`JobError::BadFiles`] with every file that is not readable or no LAS, and
     /// [`JobError::Inputs`] with every one that cannot be merged with the others:
     /// another CRS or another kind of GPS time than the first, degrees.
-    pub fn of(arguments: &[PathBuf], target: Option<Target>, skip: bool) -> Result<Self, JobError> {
+    pub fn of(arguments: &[PathBuf], settings: &Settings, skip: bool) -> Result<Self, JobError> {
         let paths = expand_inputs(arguments)?;
         let surveyed: Vec<_> = paths
             .par_iter()
@@ -63,7 +73,12 @@ impl Survey {
         if !left_out.is_empty() && !skip {
             return Err(JobError::BadFiles(left_out));
         }
-        Self::merge(inputs, left_out, target)
+        let asked = Asked {
+            target: settings.target,
+            crs: settings.crs.clone(),
+            filter: settings.filter.clone(),
+        };
+        Self::merge(inputs, left_out, asked)
     }
 
     /// The survey without the files of `bad`.
@@ -78,19 +93,25 @@ impl Survey {
             bad.iter().all(|bad| bad.path != path)
         });
         let left_out = self.left_out.into_iter().chain(bad).collect();
-        Self::merge(inputs, left_out, self.target)
+        Self::merge(inputs, left_out, self.asked)
     }
 
     /// What follows from `inputs`.
     fn merge(
         inputs: Vec<InputFile>,
         mut left_out: Vec<LeftOut>,
-        target: Option<Target>,
+        asked: Asked,
     ) -> Result<Self, JobError> {
         left_out.sort_by(|a, b| a.path.cmp(&b.path));
         left_out.dedup();
         if inputs.is_empty() {
             return Err(JobError::BadFiles(left_out));
+        }
+        let mut inputs = inputs;
+        if let Some(crs) = &asked.crs {
+            for input in &mut inputs {
+                input.crs = Some(crs.clone());
+            }
         }
         let problems = differences(&inputs);
         if !problems.is_empty() {
@@ -126,7 +147,7 @@ impl Survey {
         }
         Ok(Self {
             record: RecordFormat::for_inputs(&inputs)?,
-            lattice: lattice(&inputs, target),
+            lattice: lattice(&inputs, asked.target),
             has_standard_time: inputs
                 .iter()
                 .any(|input| input.format().has_gps_time && input.has_standard_time),
@@ -134,7 +155,8 @@ impl Survey {
             notes,
             inputs,
             left_out,
-            target,
+            filter: asked.filter.clone(),
+            asked,
         })
     }
 
@@ -174,7 +196,8 @@ fn differences(inputs: &[InputFile]) -> Vec<String> {
             };
             if !same {
                 problems.push(format!(
-                    "{}: its CRS ({}) is not that of {} ({}); reproject one of them",
+                    "{}: its CRS ({}) is not that of {} ({}); reproject one of them, or, if they are the same in truth, give \
+                     --crs",
                     input.path.display(),
                     name(&input.crs),
                     first.path.display(),
@@ -219,7 +242,7 @@ fn claimed_bounds(inputs: &[InputFile]) -> ([f64; 3], [f64; 3]) {
 }
 
 /// The finest scale of the inputs, finer still if the spacing asks for it.
-fn lattice(inputs: &[InputFile], target: Option<Target>) -> Lattice {
+fn lattice(inputs: &[InputFile], target: Target) -> Lattice {
     let mut scale = inputs
         .iter()
         .flat_map(|input| input.scale)
@@ -229,9 +252,9 @@ fn lattice(inputs: &[InputFile], target: Option<Target>) -> Lattice {
     // With a count the spacing is not known yet: were all points on a flat
     // square, it would be this.
     let spacing = match target {
-        Some(Target::Spacing(spacing)) => Some(spacing),
-        Some(Target::Count(count)) => Some(extent / (count as f64).sqrt()),
-        Some(Target::Ratio(_)) | None => None,
+        Target::Spacing(spacing) => Some(spacing),
+        Target::Count(count) => Some(extent / (count as f64).sqrt()),
+        Target::Ratio(_) => None,
     };
     if let Some(spacing) = spacing.filter(|s| *s > 0.0) {
         while scale > spacing / UNITS_PER_SPACING && extent / scale < Lattice::WIDEST / 10.0 {

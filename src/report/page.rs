@@ -291,6 +291,7 @@ fn inputs(report: &Report) -> String {
             input.path.clone(),
             thousands(input.claimed),
             thousands(input.read),
+            thousands(input.filtered),
             thousands(input.rejected),
             thousands(input.outside),
             match &input.left_out {
@@ -304,6 +305,7 @@ fn inputs(report: &Report) -> String {
         "file",
         "claimed",
         "read",
+        "left out as asked",
         "rejected",
         "outside its bounds",
         "verdict",

@@ -38,6 +38,7 @@ pub fn verdicts(report: &Report) -> [Verdict; 4] {
     let seams = &report.seams;
     let read: u64 = report.inputs.iter().map(|input| input.read).sum();
     let rejected: u64 = report.inputs.iter().map(|input| input.rejected).sum();
+    let filtered: u64 = report.inputs.iter().map(|input| input.filtered).sum();
     let outside: u64 = report.inputs.iter().map(|input| input.outside).sum();
     // Tiles that agree to the bit on all they share put out what one tile would
     // have: then δ differs on seams by what is scanned there. Nor does it say
@@ -82,7 +83,7 @@ pub fn verdicts(report: &Report) -> [Verdict; 4] {
             "complete?",
             rejected == 0 && outside == 0,
             format!(
-                "{read} points read, {rejected} rejected, {outside} outside of their header's \
+                "{read} points read, {filtered} left out as asked, {rejected} rejected, {outside} outside of their header's \
                  bounds; {} written",
                 report.points
             ),

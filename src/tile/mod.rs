@@ -42,6 +42,8 @@ pub struct PointCounts {
     pub read: u64,
     /// Of those, points out of the range of the run's lattice, left out.
     pub rejected: u64,
+    /// Of those, points that were not asked for, left out.
+    pub filtered: u64,
     /// Of those, points outside of the bounds that the header claims: some
     /// damage passes the decoder unseen, and shows here.
     pub outside: u64,
@@ -52,6 +54,7 @@ impl PointCounts {
     pub fn add(&mut self, other: &Self) {
         self.read += other.read;
         self.rejected += other.rejected;
+        self.filtered += other.filtered;
         self.outside += other.outside;
     }
 }

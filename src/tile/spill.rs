@@ -9,7 +9,7 @@
 //!   bounds: min and max of x, y, z                      6 × i32
 //!   chunks, by cell: row, column, offset, bytes         24 bytes each
 //!   cells: row, column, points of each counting square  8 + 64 × 8 bytes each
-//!   sources: read, rejected, outside, at its end        4 × u64 each
+//!   sources: read, rejected, filtered, outside, ended   5 × u64 each
 //! ```
 
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use super::{CellGrid, CellKey, PointCounts, TileError, grid::SQUARES, read_whole, write_whole};
 use crate::geometry::{Rect, Stored};
 
-const MAGIC: u64 = u64::from_le_bytes(*b"llspill2");
+const MAGIC: u64 = u64::from_le_bytes(*b"llspill3");
 
 /// Points of every counting square of a cell, row by row.
 pub(super) type SquareCounts = [u64; (SQUARES * SQUARES) as usize];
@@ -239,7 +239,12 @@ impl Index {
             }
         }
         for SourceProgress { counts, is_done } in &self.sources {
-            let numbers = [counts.read, counts.rejected, counts.outside];
+            let numbers = [
+                counts.read,
+                counts.rejected,
+                counts.filtered,
+                counts.outside,
+            ];
             for number in numbers.into_iter().chain([u64::from(*is_done)]) {
                 out.extend(number.to_le_bytes());
             }
@@ -304,6 +309,7 @@ impl Index {
             let counts = PointCounts {
                 read: rest.u64()?,
                 rejected: rest.u64()?,
+                filtered: rest.u64()?,
                 outside: rest.u64()?,
             };
             let is_done = rest.u64()? != 0;

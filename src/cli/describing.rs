@@ -1,0 +1,75 @@
+//! What the program says of itself: options and where they come from, completions, the
+//! manual page.
+
+use std::path::Path;
+
+use clap::Args;
+use lloydar::{config::Choices, pipeline::JobError};
+
+use super::{Arguments, CommandFactory, printing::result};
+
+/// Prints the options of a job as TOML. Those that nobody chose are comments, with what is
+/// done then.
+pub(super) fn print_config(file: Option<&Path>, flags: Choices) -> Result<u8, JobError> {
+    let of_file = match file {
+        Some(path) => Choices::from_file(path)?,
+        None => Choices::default(),
+    };
+    let from_file = table(&of_file);
+    let from_flags = table(&flags);
+    let chosen = table(&flags.or(of_file));
+    let options = Choices::augment_args(clap::Command::new("options"));
+    for option in options.get_arguments() {
+        let Some(name) = option.get_long() else {
+            continue;
+        };
+        let help = option
+            .get_help()
+            .map(ToString::to_string)
+            .unwrap_or_default();
+        let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+        let (help, default) = match help.split_once(" [default: ") {
+            Some((help, default)) => (help, default.trim_end_matches(']')),
+            None => (help.as_str(), "not set"),
+        };
+        result!("# {help}");
+        match chosen.get(name) {
+            Some(value) => {
+                let origin = match (from_flags.contains_key(name), file) {
+                    (false, Some(path)) if from_file.contains_key(name) => {
+                        path.display().to_string()
+                    }
+                    _ => "command line".to_owned(),
+                };
+                result!("{name} = {value}  # from {origin}");
+            }
+            None => result!("# {name}: {default}"),
+        }
+    }
+    Ok(0)
+}
+
+fn table(choices: &Choices) -> toml::Table {
+    toml::Table::try_from(choices).unwrap_or_default()
+}
+
+pub(super) fn print_completions(shell: clap_complete::Shell) -> Result<u8, JobError> {
+    let mut text = Vec::new();
+    clap_complete::generate(shell, &mut Arguments::command(), "lloydar", &mut text);
+    result!("{}", String::from_utf8_lossy(&text).trim_end());
+    Ok(0)
+}
+
+/// The manual page, all commands in one.
+pub(super) fn print_manual() -> Result<u8, JobError> {
+    let mut text = Vec::new();
+    clap_mangen::Man::new(Arguments::command().flatten_help(true))
+        .render(&mut text)
+        .map_err(|source| JobError::Io {
+            action: "write",
+            path: "the manual page".to_owned(),
+            source,
+        })?;
+    result!("{}", String::from_utf8_lossy(&text).trim_end());
+    Ok(0)
+}

@@ -1,0 +1,300 @@
+//! What an output point takes over from the scan, and what is added to it.
+//!
+//! Its *cell* are the input points within a spacing of it that are nearer to it than to
+//! any other output point.
+
+use std::collections::{HashMap, HashSet};
+
+use rayon::prelude::*;
+
+use super::{JobError, solving::FARTHEST};
+use crate::{
+    config::{ClassRule, ColorRule, Computed, Settings},
+    geometry::{Local, NeighborGrid, Rect, Stored},
+    las::RecordFormat,
+    lloyd::{Scan, Site},
+    tile::Spill,
+};
+
+/// How records of the output come about.
+#[derive(Clone, Debug)]
+pub(super) struct Transfer {
+    color: ColorRule,
+    class: ClassRule,
+    /// What is added, and where in the record.
+    computed: Vec<(Computed, usize)>,
+    record: RecordFormat,
+}
+
+/// The fields of a record that may be the mean of a cell: intensity, red, green, blue and
+/// near infrared, as far as the format has them.
+const AVERAGED: [usize; 5] = [12, 30, 32, 34, 36];
+const CLASS: usize = 16;
+
+/// What the input points of a cell have in common.
+#[derive(Clone, Debug, Default)]
+struct Cell {
+    points: u64,
+    sums: [u64; AVERAGED.len()],
+    /// How many points there are of each class.
+    classes: Vec<(u8, u64)>,
+}
+
+/// What is known of a part of the scan.
+#[derive(Default)]
+struct Found {
+    /// Of the input points that are wanted, their records.
+    records: HashMap<Stored, Vec<u8>>,
+    /// By the number of the site.
+    cells: HashMap<u32, Cell>,
+}
+
+impl Transfer {
+    /// The transfer from records like `scanned`, as `settings` have it.
+    pub(super) fn new(scanned: &RecordFormat, settings: &Settings) -> Self {
+        let mut record = scanned.clone();
+        let computed = settings
+            .with
+            .iter()
+            .flat_map(|&computed| {
+                let places: Vec<usize> = names(computed)
+                    .iter()
+                    .map(|(name, description)| record.add_real(name, description))
+                    .collect();
+                places.first().map(|&first| (computed, first))
+            })
+            .collect();
+        Self {
+            color: settings.color,
+            class: settings.class,
+            computed,
+            record,
+        }
+    }
+
+    /// The format of the output's records.
+    pub(super) fn record(&self) -> &RecordFormat {
+        &self.record
+    }
+
+    fn needs_cells(&self) -> bool {
+        let needs = |(computed, _): &(Computed, usize)| *computed == Computed::Density;
+        self.color == ColorRule::Mean
+            || self.class == ClassRule::Majority
+            || self.computed.iter().any(needs)
+    }
+
+    /// The records of `own`, some of `sites`, and how far each lies from the scan, within
+    /// reach; `known` is the part of the scan that is looked at.
+    ///
+    /// Of points at one place the one with the smallest record stands for all, whatever
+    /// the order in which they were read.
+    pub(super) fn records(
+        &self,
+        spill: &Spill,
+        scan: &Scan,
+        sites: &[Site],
+        own: &[Site],
+        known: &Rect,
+        spacing: f64,
+    ) -> Result<(Vec<u8>, Vec<f64>), JobError> {
+        let lattice = scan.lattice();
+        // What is written is what is measured.
+        let place_of = |site: &Site| {
+            lattice
+                .stored(site.position)
+                .map_or(site.position, |stored| lattice.local(stored))
+        };
+        let nearest_of = |site: &Site| {
+            scan.nearest(place_of(site), FARTHEST * spacing)
+                .unwrap_or((site.identity, FARTHEST * spacing))
+        };
+        let nearest: Vec<(Stored, f64)> = own.par_iter().map(nearest_of).collect();
+        let wanted: HashSet<Stored> = nearest.iter().map(|&(point, _)| point).collect();
+        let cells_of = self.needs_cells().then(|| {
+            let places: Vec<Local> = sites.iter().map(place_of).collect();
+            NeighborGrid::new(&places, spacing)
+        });
+        let mut all = Found::default();
+        spill.gather_each(
+            known,
+            |found: &mut Found, record| {
+                let point = Stored::of_record(record);
+                if wanted.contains(&point) {
+                    keep_smallest(&mut found.records, point, record);
+                }
+                if let Some(sites) = &cells_of
+                    && let Some((site, _)) = sites.nearest(lattice.local(point), spacing, |_| false)
+                {
+                    let cell = found.cells.entry(site).or_default();
+                    cell.add(record, self.record.standard_length());
+                }
+            },
+            |part| {
+                for (point, record) in part.records {
+                    keep_smallest(&mut all.records, point, &record);
+                }
+                for (site, cell) in part.cells {
+                    all.cells.entry(site).or_default().merge(&cell);
+                }
+            },
+        )?;
+
+        let length = self.record.record_length();
+        let mut records = vec![0; own.len() * length];
+        let number_of: HashMap<Stored, u32> = match all.cells.is_empty() {
+            true => HashMap::new(),
+            false => sites.iter().map(|s| s.identity).zip(0..).collect(),
+        };
+        for ((record, site), &(point, distance)) in
+            records.chunks_exact_mut(length).zip(own).zip(&nearest)
+        {
+            if let Some(found) = all.records.get(&point) {
+                record[..found.len()].copy_from_slice(found);
+            }
+            let cell = number_of
+                .get(&site.identity)
+                .and_then(|number| all.cells.get(number));
+            self.complete(record, site, cell, distance);
+        }
+        Ok((records, nearest.into_iter().map(|(_, d)| d).collect()))
+    }
+
+    /// Gives a record what is not the nearest point's.
+    fn complete(&self, record: &mut [u8], site: &Site, cell: Option<&Cell>, distance: f64) {
+        if let Some(cell) = cell {
+            if self.color == ColorRule::Mean {
+                for (mean, at) in cell.means().zip(AVERAGED) {
+                    if at + 2 <= self.record.standard_length() {
+                        record[at..at + 2].copy_from_slice(&mean.to_le_bytes());
+                    }
+                }
+            }
+            if self.class == ClassRule::Majority {
+                record[CLASS] = cell.majority(record[CLASS]);
+            }
+        }
+        let is_bounded = site.is_closed && !site.is_held && site.area > 0.0;
+        let area = if is_bounded { site.area } else { f64::NAN };
+        for &(computed, at) in &self.computed {
+            let values = match computed {
+                Computed::Normals => site
+                    .normal
+                    .map_or([f64::NAN; 3], |normal| normal.into())
+                    .to_vec(),
+                Computed::Curvature => vec![site.curvature],
+                Computed::Area => vec![area],
+                Computed::Density => vec![cell.map_or(0, |cell| cell.points) as f64 / area],
+                Computed::Distance => vec![distance],
+            };
+            for (value, at) in values.into_iter().zip((at..).step_by(4)) {
+                record[at..at + 4].copy_from_slice(&(value as f32).to_le_bytes());
+            }
+        }
+    }
+}
+
+/// Names and descriptions of what is added, which are at most 32 letters long.
+fn names(computed: Computed) -> &'static [(&'static str, &'static str)] {
+    match computed {
+        Computed::Normals => &[
+            ("NormalX", "of the surface, upwards"),
+            ("NormalY", "of the surface, upwards"),
+            ("NormalZ", "of the surface, upwards"),
+        ],
+        Computed::Curvature => &[("Curvature", "mean, + where bent upwards")],
+        Computed::Area => &[("CellArea", "of the Voronoi cell")],
+        Computed::Density => &[("InputDensity", "input points to the unit of area")],
+        Computed::Distance => &[("InputDistance", "to the nearest input point")],
+    }
+}
+
+impl Cell {
+    fn add(&mut self, record: &[u8], standard_length: usize) {
+        self.points += 1;
+        for (sum, at) in self.sums.iter_mut().zip(AVERAGED) {
+            if at + 2 <= standard_length {
+                *sum += u64::from(u16::from_le_bytes([record[at], record[at + 1]]));
+            }
+        }
+        self.count(record[CLASS], 1);
+    }
+
+    fn count(&mut self, class: u8, points: u64) {
+        match self.classes.iter_mut().find(|(known, _)| *known == class) {
+            Some((_, count)) => *count += points,
+            None => self.classes.push((class, points)),
+        }
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.points += other.points;
+        for (sum, more) in self.sums.iter_mut().zip(other.sums) {
+            *sum += more;
+        }
+        for &(class, points) in &other.classes {
+            self.count(class, points);
+        }
+    }
+
+    /// Mean values, halves up.
+    fn means(&self) -> impl Iterator<Item = u16> + '_ {
+        let points = self.points.max(1);
+        let mean = move |sum: &u64| ((2 * sum + points) / (2 * points)) as u16;
+        self.sums.iter().map(mean)
+    }
+
+    /// The class of most points; of equally many `nearest` if it is among them, else the
+    /// least.
+    fn majority(&self, nearest: u8) -> u8 {
+        let rank =
+            |&(class, count): &(u8, u64)| (count, class == nearest, std::cmp::Reverse(class));
+        let most = self.classes.iter().max_by_key(|counted| rank(counted));
+        most.map_or(nearest, |&(class, _)| class)
+    }
+}
+
+/// Of the records of one point the smallest is kept.
+fn keep_smallest(of_point: &mut HashMap<Stored, Vec<u8>>, point: Stored, record: &[u8]) {
+    of_point
+        .entry(point)
+        .and_modify(|known| {
+            if record < known.as_slice() {
+                known.copy_from_slice(record);
+            }
+        })
+        .or_insert_with(|| record.to_vec());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(intensity: u16, red: u16, class: u8) -> Vec<u8> {
+        let mut record = vec![0; 36];
+        record[12..14].copy_from_slice(&intensity.to_le_bytes());
+        record[30..32].copy_from_slice(&red.to_le_bytes());
+        record[CLASS] = class;
+        record
+    }
+
+    #[test]
+    fn a_cell_is_the_same_whatever_the_order_of_its_points() {
+        let points = [(1, 65_535, 2), (2, 65_535, 6), (2, 65_534, 6), (9, 0, 2)];
+        let mut forth = Cell::default();
+        let mut halves = [Cell::default(), Cell::default()];
+        for (at, &(intensity, red, class)) in points.iter().enumerate() {
+            forth.add(&record(intensity, red, class), 36);
+            halves[at % 2].add(&record(intensity, red, class), 36);
+        }
+        let [mut back, other] = halves;
+        back.merge(&other);
+        // 14 / 4 is 3.5; 196 604 / 4 is 49 151.
+        for cell in [&forth, &back] {
+            assert_eq!(cell.means().collect::<Vec<_>>(), [4, 49_151, 0, 0, 0]);
+            assert_eq!(cell.majority(6), 6);
+            assert_eq!(cell.majority(2), 2);
+            assert_eq!(cell.majority(9), 2);
+        }
+    }
+}
