@@ -60,16 +60,14 @@ pub(super) fn print_completions(shell: clap_complete::Shell) -> Result<u8, JobEr
     Ok(0)
 }
 
-/// The manual page, all commands in one.
-pub(super) fn print_manual() -> Result<u8, JobError> {
-    let mut text = Vec::new();
-    clap_mangen::Man::new(Arguments::command().flatten_help(true))
-        .render(&mut text)
-        .map_err(|source| JobError::Io {
-            action: "write",
-            path: "the manual page".to_owned(),
-            source,
-        })?;
-    result!("{}", String::from_utf8_lossy(&text).trim_end());
+/// Writes a manual page for the program and each of its commands into the directory `dir`.
+pub(super) fn write_manual(dir: &Path) -> Result<u8, JobError> {
+    let written = std::fs::create_dir_all(dir)
+        .and_then(|()| clap_mangen::generate_to(Arguments::command(), dir));
+    written.map_err(|source| JobError::Io {
+        action: "write",
+        path: dir.display().to_string(),
+        source,
+    })?;
     Ok(0)
 }

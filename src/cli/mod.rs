@@ -107,8 +107,12 @@ enum Command {
         /// The shell
         shell: clap_complete::Shell,
     },
-    /// Print the manual page
-    Man,
+    /// Write the manual pages: lloydar.1, lloydar-run.1, …
+    Man {
+        /// Directory for them
+        #[arg(short, long, value_name = "DIR", default_value = "man")]
+        output: PathBuf,
+    },
     /// Simulate a street, resample it under a small budget, write a report
     Demo {
         /// Directory for everything
@@ -194,7 +198,7 @@ fn run(command: Command) -> Result<u8, JobError> {
             describing::print_config(config.as_deref(), *choices)
         }
         Command::Completions { shell } => describing::print_completions(shell),
-        Command::Man => describing::print_manual(),
+        Command::Man { output } => describing::write_manual(&output),
         Command::Simulate { street, output } => simulating::simulate(&street, &output),
         Command::Demo { output } => simulating::demo(&output),
     }

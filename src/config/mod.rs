@@ -306,6 +306,10 @@ impl Choices {
     }
 
     /// These choices where they are made, those of `file` where not.
+    ///
+    /// # Panics
+    ///
+    /// Never: options that were read can be written.
     #[must_use]
     pub fn or(self, file: Self) -> Self {
         let table = |choices| toml::Table::try_from(choices).expect("options are plain values");

@@ -45,7 +45,8 @@ pub(super) fn place_chunks(chunks: &mut [Chunk], info: &CopcInfoVlr, hierarchy: 
 pub(super) struct ChunkReader {
     decompressor: LayeredPointRecordDecompressor<'static, GuardedFile>,
     items: Vec<LazItem>,
-    chunks: std::vec::IntoIter<Chunk>,
+    /// What is still to be read, the next last.
+    chunks: Vec<Chunk>,
     /// Points of the present chunk that are not read yet.
     left: u64,
 }
@@ -74,7 +75,7 @@ impl ChunkReader {
         let mut reader = Self {
             decompressor: LayeredPointRecordDecompressor::new(file),
             items,
-            chunks: chunks[first..].to_vec().into_iter(),
+            chunks: chunks[first..].iter().rev().copied().collect(),
             left: 0,
         };
         let mut raw = Vec::new();
@@ -92,7 +93,7 @@ impl ChunkReader {
         let mut read = 0;
         while read < wanted {
             if self.left == 0 {
-                let Some(chunk) = self.chunks.next() else {
+                let Some(chunk) = self.chunks.pop() else {
                     break;
                 };
                 self.enter(&chunk)?;

@@ -103,13 +103,15 @@ impl ExtraByte {
 pub struct RecordFormat {
     /// LAS point format: 6, 7 or 8.
     pub point_format: u8,
-    /// Extra bytes, in order.
+    /// Extra bytes, in order: those that no record describes last, as there is nothing
+    /// that would say how long they are.
     pub extra_bytes: Vec<ExtraByte>,
 }
 
 impl RecordFormat {
     /// The format that loses nothing of `inputs`: 8 if one has near infrared,
-    /// 7 if one has colour, else 6; extra bytes of all, by name.
+    /// 7 if one has colour, else 6; extra bytes of all, by name, of those without one as
+    /// many as the input has that has most.
     ///
     /// # Errors
     ///
@@ -124,8 +126,13 @@ impl RecordFormat {
             .max()
             .unwrap_or(6);
         let mut extra_bytes: Vec<ExtraByte> = Vec::new();
+        let mut undescribed = 0;
         for input in inputs {
             for extra in &input.extra_bytes {
+                if extra.descriptor.is_empty() {
+                    undescribed = undescribed.max(extra.length);
+                    continue;
+                }
                 match extra_bytes.iter().find(|known| known.name == extra.name) {
                     Some(known) if known.length == extra.length => {}
                     Some(known) => {
@@ -142,6 +149,9 @@ impl RecordFormat {
                 }
             }
         }
+        if undescribed > 0 {
+            extra_bytes.push(ExtraByte::undescribed(undescribed));
+        }
         Ok(Self {
             point_format,
             extra_bytes,
@@ -153,8 +163,8 @@ impl RecordFormat {
     pub(crate) fn add_real(&mut self, name: &str, description: &str) -> usize {
         const REAL: u8 = 9;
         let mut at = self.standard_length();
-        for known in &self.extra_bytes {
-            if known.name == name && known.descriptor.get(2) == Some(&REAL) {
+        for known in self.extra_bytes.iter().filter(|e| !e.descriptor.is_empty()) {
+            if known.name == name && known.descriptor[2] == REAL {
                 return at;
             }
             at += known.length;
@@ -162,8 +172,15 @@ impl RecordFormat {
         let mut added = ExtraByte::named(name, REAL);
         let text = description.as_bytes();
         added.descriptor[160..160 + text.len()].copy_from_slice(text);
-        self.extra_bytes.push(added);
+        let described = self.extra_bytes.iter().filter(|e| !e.descriptor.is_empty());
+        self.extra_bytes.insert(described.count(), added);
         at
+    }
+
+    /// Length of what comes before the bytes that nothing describes.
+    pub(crate) fn described_length(&self) -> usize {
+        let described = self.extra_bytes.iter().filter(|e| !e.descriptor.is_empty());
+        self.standard_length() + described.map(|extra| extra.length).sum::<usize>()
     }
 
     /// Length of the standard part of a record in bytes.
@@ -207,7 +224,12 @@ pub(crate) fn move_to(record: &mut [u8], place: Stored) {
 /// Where an extra-bytes attribute of the run comes from.
 #[derive(Clone, Debug)]
 enum ExtraSource {
-    Copied { from: usize, length: usize },
+    Copied {
+        from: usize,
+        length: usize,
+        /// Zeros that follow.
+        padding: usize,
+    },
     Absent(Vec<u8>),
 }
 
@@ -241,8 +263,11 @@ impl Converter {
                 let mut from = standard;
                 for own in &input.extra_bytes {
                     if own.name == extra.name {
-                        let length = extra.length;
-                        return ExtraSource::Copied { from, length };
+                        return ExtraSource::Copied {
+                            from,
+                            length: own.length,
+                            padding: extra.length - own.length,
+                        };
                     }
                     from += own.length;
                 }
@@ -306,7 +331,14 @@ impl Converter {
         }
         for extra in &self.extras {
             match extra {
-                ExtraSource::Copied { from, length } => out.extend(&raw[*from..from + length]),
+                ExtraSource::Copied {
+                    from,
+                    length,
+                    padding,
+                } => {
+                    out.extend(&raw[*from..from + length]);
+                    out.resize(out.len() + padding, 0);
+                }
                 ExtraSource::Absent(value) => out.extend(value),
             }
         }
@@ -359,6 +391,20 @@ mod tests {
         assert_eq!(u16::from_le_bytes([flags[6], flags[7]]), 777);
         raw[15] = 12;
         assert_eq!(&legacy_flags(&raw)[1..3], &[1 << 3 | 1 << 6 | 1 << 7, 1]);
+    }
+
+    #[test]
+    fn what_nothing_describes_stays_last() {
+        let mut record = RecordFormat {
+            point_format: 7,
+            extra_bytes: vec![ExtraByte::named("roll", 4), ExtraByte::undescribed(3)],
+        };
+        assert_eq!(record.add_real("CellArea", "of the cell"), 38);
+        assert_eq!(record.add_real("Curvature", "mean"), 42);
+        assert_eq!(record.add_real("CellArea", "of the cell"), 38);
+        assert_eq!(record.described_length(), 46);
+        assert_eq!(record.record_length(), 49);
+        assert!(record.extra_bytes[3].descriptor.is_empty());
     }
 
     #[test]

@@ -123,16 +123,18 @@ enum Body {
         record_length: usize,
         count_at: u64,
     },
-    /// Points that are sorted by place first, for an octree or tiles.
-    Sorted {
-        /// The octree's; tiles are files of their own.
-        file: Option<File>,
-        header: CloudHeader,
-        workspace: Workspace,
-        spill: SpillWriter,
-    },
+    Sorted(Box<Sorted>),
     /// Nothing any more: its file is complete.
     Complete,
+}
+
+/// Points that are sorted by place first, for an octree or tiles.
+struct Sorted {
+    /// The octree's; tiles are files of their own.
+    file: Option<File>,
+    header: CloudHeader,
+    workspace: Workspace,
+    spill: SpillWriter,
 }
 
 /// Where the LAS 1.4 header keeps the counts of older readers: the number of
@@ -202,7 +204,7 @@ impl CloudWriter {
                     bounds: [[i32::MAX; 3], [i32::MIN; 3]],
                 }
             }
-            (_, file) => Body::Sorted {
+            (_, file) => Body::Sorted(Box::new(Sorted {
                 file,
                 header: header.clone(),
                 workspace: workspace.clone(),
@@ -213,7 +215,7 @@ impl CloudWriter {
                     workspace.buffer_bytes,
                 )
                 .map_err(|e| wrong(&e))?,
-            },
+            })),
         };
         let writer = Self {
             path: path.to_owned(),
@@ -272,7 +274,8 @@ impl CloudWriter {
                 sink.write_all(&out)
                     .map_err(|e| LasError::new(&self.path, format!("cannot be written: {e}")))?;
             }
-            Body::Sorted { spill, header, .. } => {
+            Body::Sorted(sorted) => {
+                let Sorted { spill, header, .. } = &mut **sorted;
                 spill
                     .push(records)
                     .map_err(|e| LasError::new(&self.path, format!("cannot be written: {e}")))?;
@@ -316,13 +319,22 @@ impl CloudWriter {
                 amendments.push((count_at, format!("{points:<20}").into_bytes()));
                 sink.flush().map_err(|e| wrong(&e))?;
             }
-            Body::Sorted {
-                file: Some(file),
-                header,
-                workspace,
-                spill,
-            } => {
+            Body::Sorted(sorted) => {
+                let Sorted {
+                    file,
+                    header,
+                    workspace,
+                    spill,
+                } = *sorted;
                 let spill = spill.finish().map_err(|e| wrong(&e))?;
+                let Some(file) = file else {
+                    let name = path.file_name().map(|name| name.to_string_lossy());
+                    let name = name.unwrap_or_default();
+                    let bytes =
+                        write_tiles(&self.part, &name, &spill, &header, &workspace, progress)?;
+                    spill.remove();
+                    return Ok(self.completed(bytes));
+                };
                 let las = las_header(&header, Format::Copc).map_err(|e| wrong(&e))?;
                 let mut file = BufWriter::with_capacity(1 << 20, file);
                 las.write_to(&mut file).map_err(|e| wrong(&e))?;
@@ -347,19 +359,6 @@ impl CloudWriter {
                 counts.extend(points.to_le_bytes());
                 amendments.push((EXTENDED, counts));
                 spill.remove();
-            }
-            Body::Sorted {
-                file: None,
-                header,
-                workspace,
-                spill,
-            } => {
-                let spill = spill.finish().map_err(|e| wrong(&e))?;
-                let name = path.file_name().map(|name| name.to_string_lossy());
-                let name = name.unwrap_or_default();
-                let bytes = write_tiles(&self.part, &name, &spill, &header, &workspace, progress)?;
-                spill.remove();
-                return Ok(self.completed(bytes));
             }
             Body::Complete => {}
         }

@@ -21,9 +21,12 @@ use crate::{
 pub(super) struct Transfer {
     color: ColorRule,
     class: ClassRule,
-    /// What is added, and where in the record.
-    computed: Vec<(Computed, usize)>,
+    /// What is added, and where in the record each of its numbers goes.
+    computed: Vec<(Computed, Vec<usize>)>,
     record: RecordFormat,
+    /// Length of a scanned record before the bytes that nothing describes: what is added
+    /// stands before those.
+    described_length: usize,
 }
 
 /// The fields of a record that may be the mean of a cell: intensity, red, green, blue and
@@ -56,12 +59,12 @@ impl Transfer {
         let computed = settings
             .with
             .iter()
-            .flat_map(|&computed| {
-                let places: Vec<usize> = names(computed)
+            .map(|&computed| {
+                let places = names(computed)
                     .iter()
                     .map(|(name, description)| record.add_real(name, description))
                     .collect();
-                places.first().map(|&first| (computed, first))
+                (computed, places)
             })
             .collect();
         Self {
@@ -69,6 +72,7 @@ impl Transfer {
             class: settings.class,
             computed,
             record,
+            described_length: scanned.described_length(),
         }
     }
 
@@ -78,7 +82,7 @@ impl Transfer {
     }
 
     fn needs_cells(&self) -> bool {
-        let needs = |(computed, _): &(Computed, usize)| *computed == Computed::Density;
+        let needs = |(computed, _): &(Computed, Vec<usize>)| *computed == Computed::Density;
         self.color == ColorRule::Mean
             || self.class == ClassRule::Majority
             || self.computed.iter().any(needs)
@@ -150,7 +154,9 @@ impl Transfer {
             records.chunks_exact_mut(length).zip(own).zip(&nearest)
         {
             if let Some(found) = all.records.get(&point) {
-                record[..found.len()].copy_from_slice(found);
+                let (described, rest) = found.split_at(self.described_length);
+                record[..described.len()].copy_from_slice(described);
+                record[length - rest.len()..].copy_from_slice(rest);
             }
             let cell = number_of
                 .get(&site.identity)
@@ -176,7 +182,7 @@ impl Transfer {
         }
         let is_bounded = site.is_closed && !site.is_held && site.area > 0.0;
         let area = if is_bounded { site.area } else { f64::NAN };
-        for &(computed, at) in &self.computed {
+        for (computed, places) in &self.computed {
             let values = match computed {
                 Computed::Normals => site
                     .normal
@@ -187,7 +193,7 @@ impl Transfer {
                 Computed::Density => vec![cell.map_or(0, |cell| cell.points) as f64 / area],
                 Computed::Distance => vec![distance],
             };
-            for (value, at) in values.into_iter().zip((at..).step_by(4)) {
+            for (value, &at) in values.into_iter().zip(places) {
                 record[at..at + 4].copy_from_slice(&(value as f32).to_le_bytes());
             }
         }

@@ -63,15 +63,19 @@ pub(crate) fn succeed(scans: &Path, output: &Path, more: &[&str]) {
 
 /// Sorted coordinates, as stored.
 pub(crate) fn points(path: &Path) -> Vec<[i32; 3]> {
+    let mut points = points_in_order(path);
+    points.sort_unstable();
+    points
+}
+
+/// Coordinates, as stored, in the order of the file.
+pub(crate) fn points_in_order(path: &Path) -> Vec<[i32; 3]> {
     let all = Reader::from_path(path).unwrap().read_all().unwrap();
-    let mut points: Vec<[i32; 3]> = all
-        .x_raw()
+    all.x_raw()
         .zip(all.y_raw())
         .zip(all.z_raw())
         .map(|((x, y), z)| [x, y, z])
-        .collect();
-    points.sort_unstable();
-    points
+        .collect()
 }
 
 pub(crate) fn report(output: &Path) -> serde_json::Value {

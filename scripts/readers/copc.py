@@ -1,6 +1,6 @@
 """Reads a COPC file that lloydar wrote with independent readers.
 
-    check-copc.py OUT [REFERENCE]
+    copc.py OUT [REFERENCE]
 
 copclib walks the hierarchy: every node's points must lie in its cube, all nodes together
 must be all points of the header, and each level must be twice as dense along an edge as the
@@ -82,10 +82,11 @@ def check(path, reference=None):
         assert (in_order(whole) == in_order(expected)).all()
         assert (whole.header.mins == expected.header.mins).all()
         assert (whole.header.maxs == expected.header.maxs).all()
-    print(
+    return (
         f"{seen} points in {len(nodes)} nodes of {len(by_level)} levels, spacing "
         + " ".join(f"{spacing:.3g}" for spacing in spacings)
     )
 
 
-check(*sys.argv[1:])
+if __name__ == "__main__":
+    print(check(*sys.argv[1:]))

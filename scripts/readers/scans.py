@@ -1,6 +1,6 @@
 """Runs every scan of a folder at two spacings and checks what others read of the result.
 
-    check-scans.py PROGRAM DIR WORK
+    scans.py PROGRAM DIR WORK
 
 A folder named `malformed` holds files that must be answered quickly: by success, or by a
 message that names the file.
@@ -15,7 +15,7 @@ import time
 import laspy
 
 program, folder, work = sys.argv[1], pathlib.Path(sys.argv[2]), pathlib.Path(sys.argv[3])
-CHECK = pathlib.Path(__file__).with_name("check-reading.py")
+CHECK = pathlib.Path(__file__).with_name("reading.py")
 SLOW = 10.0
 failures = 0
 

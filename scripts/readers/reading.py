@@ -1,7 +1,7 @@
 """Reads a cloud that lloydar wrote, and the scans it was made from, with independent
 readers, and compares values.
 
-    check-reading.py OUT SCAN...
+    reading.py OUT SCAN...
 
 laspy reads the scans and, through both of its decoders (lazrs, and LASzip, the reference),
 the cloud; copclib reads the cloud with a third. Compared are counts, bounds, CRS, and every
@@ -13,6 +13,7 @@ import sys
 import copclib
 import laspy
 import numpy as np
+from scipy.spatial import cKDTree
 
 NEVER_CARRIED = {
     # Positions are new, and a resampled point is the only return of its place.
@@ -136,19 +137,47 @@ def check(out_path, scan_paths):
         codes_in = mix(codes_in, np.concatenate([columns[k] for columns in theirs]))
         codes_out = mix(codes_out, ours[k])
         carried += 1
-    order = np.argsort(codes_in, kind="stable")
-    first = np.searchsorted(codes_in[order], codes_out, side="left")
-    last = np.searchsorted(codes_in[order], codes_out, side="right")
-    assert (first < last).all(), f"{(first >= last).sum()} points have the attributes of no input point"
-    # Where the attributes name the input point, it is near.
-    sole = last - first == 1
-    if sole.any():
-        found = order[first[sole]]
-        away = np.linalg.norm(scan_places[found] - xyz[sole], axis=1)
-        assert np.quantile(away, 0.99) <= reach, away.max()
-    print(
-        f"{len(xyz)} points of format {header.point_format.id}, {carried} attributes, CRS {crs}"
+    # The attributes are those of an input point, and none is nearer.
+    known = np.isin(codes_out, codes_in)
+    assert known.all(), f"{(~known).sum()} points have the attributes of no input point"
+    tree = cKDTree(scan_places)
+    missing, near = np.arange(len(xyz)), min(4, len(scan_places))
+    while len(missing):
+        away, found = tree.query(xyz[missing], near)
+        away, found = away.reshape(-1, near), found.reshape(-1, near)
+        nearest = away <= away[:, :1] + tolerance
+        same = nearest & (codes_in[found] == codes_out[missing, None])
+        # Of many points at one place some may not have been asked for.
+        undecided = nearest.all(1) & ~same.any(1) & (near < len(scan_places))
+        wrong = ~same.any(1) & ~undecided
+        assert not wrong.any(), f"{wrong.sum()} points have the attributes of another place"
+        missing, near = missing[undecided], min(8 * near, len(scan_places))
+    kept = described(out, scans)
+    return (
+        f"{len(xyz)} points of format {header.point_format.id}, {carried} attributes of the "
+        f"nearest point, {kept} extra bytes as described, CRS {crs}"
     )
 
 
-check(sys.argv[1], sys.argv[2:])
+def described(out, scans):
+    """Extra bytes keep their descriptions, GPS times their kind."""
+    ours = {d.name: d for d in out.point_format.extra_dimensions}
+    for scan in scans:
+        for theirs in scan.point_format.extra_dimensions:
+            mine = ours[theirs.name]
+            same = (mine.kind, mine.num_bits, mine.description, str(mine.scales), str(mine.offsets))
+            assert same == (
+                theirs.kind,
+                theirs.num_bits,
+                theirs.description,
+                str(theirs.scales),
+                str(theirs.offsets),
+            ), (mine, theirs)
+        if "gps_time" in scan.point_format.dimension_names:
+            kinds = out.header.global_encoding, scan.header.global_encoding
+            assert kinds[0].gps_time_type == kinds[1].gps_time_type, kinds
+    return len(ours)
+
+
+if __name__ == "__main__":
+    print(check(sys.argv[1], sys.argv[2:]))
