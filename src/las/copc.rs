@@ -107,7 +107,7 @@ struct Nodes<W> {
     times: [f64; 2],
 }
 
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 struct Entry {
     offset: u64,
     bytes: i32,
@@ -303,14 +303,6 @@ impl<W: Write + Seek + Send> Nodes<W> {
 
     /// Writes the table of chunks, the table of nodes, and what the file says of them.
     fn finish(&mut self, octree: &Octree, lattice: &Lattice) -> io::Result<u64> {
-        // A node without points, whose children have some, is told, too.
-        for key in self.entries.keys().copied().collect::<Vec<_>>() {
-            let mut above = key.parent();
-            while let Some(key) = above {
-                self.entries.entry(key).or_default();
-                above = key.parent();
-            }
-        }
         let points_at = self.at - self.chunks_bytes() - ChunkTable::OFFSET_SIZE as u64;
         self.chunks.write_to(&mut self.file, &self.compression)?;
         let table_at = self.file.stream_position()?;

@@ -4,11 +4,14 @@ use std::{fs::File, ops::Range, path::Path};
 
 use ::las::{LazParallelism, PointData, PointDataBuilder, Reader, ReaderOptions};
 
+#[cfg(feature = "e57")]
+use super::e57::E57Stream;
 use super::{
     InputFile, LasError, PlyStream,
     chunks::ChunkReader,
     guard::{GuardedFile, guarded},
     ply::PlyLayout,
+    reading::Access,
 };
 
 /// A file that is being decoded.
@@ -20,14 +23,38 @@ pub(super) enum Decoder {
     },
     /// LAZ whose chunks differ in length.
     Chunks { reader: ChunkReader, raw: Vec<u8> },
-    /// A polygon file.
-    Ply {
-        stream: PlyStream,
+    /// A file whose points are no records yet.
+    Vertices {
+        stream: Vertices,
         layout: PlyLayout,
         scale: [f64; 3],
         offset: [f64; 3],
         raw: Vec<u8>,
     },
+}
+
+/// Points as numbers.
+pub(super) enum Vertices {
+    Ply(PlyStream),
+    #[cfg(feature = "e57")]
+    E57(E57Stream, Vec<f64>),
+}
+
+impl Vertices {
+    fn next(&mut self) -> Result<Option<&[f64]>, String> {
+        match self {
+            Self::Ply(stream) => stream.next_vertex().map_err(|e| e.problem),
+            #[cfg(feature = "e57")]
+            Self::E57(stream, values) => {
+                let Some(next) = stream.next().transpose()? else {
+                    return Ok(None);
+                };
+                values.clear();
+                values.extend(next);
+                Ok(Some(values))
+            }
+        }
+    }
 }
 
 impl Decoder {
@@ -37,14 +64,20 @@ impl Decoder {
     ///
     /// If the file cannot be opened (any more), or the part not be found in it.
     pub(super) fn open(input: &InputFile, part: &Range<u64>) -> Result<Self, LasError> {
-        if let Some(file) = input.ply() {
-            let mut stream = file.open()?;
+        let vertices = match &input.access {
+            Access::Ply(file) => Some((Vertices::Ply(file.open()?), file.layout())),
+            #[cfg(feature = "e57")]
+            Access::E57(file) => Some((Vertices::E57(file.open(), Vec::new()), file.layout())),
+            _ => None,
+        };
+        if let Some((mut stream, layout)) = vertices {
             for _ in 0..part.start {
-                stream.next_vertex()?;
+                let skipped = stream.next();
+                skipped.map_err(|problem| LasError::new(&input.path, problem))?;
             }
-            return Ok(Self::Ply {
+            return Ok(Self::Vertices {
                 stream,
-                layout: file.layout(),
+                layout,
                 scale: input.scale,
                 offset: input.offset,
                 raw: Vec::new(),
@@ -91,7 +124,7 @@ impl Decoder {
                 None => Err("the decoder gave up".to_owned()),
             },
             Self::Chunks { reader, raw } => reader.fill(wanted, raw),
-            Self::Ply {
+            Self::Vertices {
                 stream,
                 layout,
                 scale,
@@ -100,11 +133,11 @@ impl Decoder {
             } => {
                 raw.clear();
                 for read in 0..wanted {
-                    let Some(values) = stream.next_vertex().map_err(|e| e.problem)? else {
+                    let Some(values) = stream.next()? else {
                         return Ok(read);
                     };
                     if !layout.append(values, *scale, *offset, raw) {
-                        return Err("a vertex is not finite, or out of the bounds".to_owned());
+                        return Err("a point is not finite, or out of the bounds".to_owned());
                     }
                 }
                 Ok(wanted)
@@ -116,7 +149,7 @@ impl Decoder {
     pub(super) fn raw(&self) -> &[u8] {
         match self {
             Self::Las { batch, .. } => batch.raw_bytes(),
-            Self::Chunks { raw, .. } | Self::Ply { raw, .. } => raw,
+            Self::Chunks { raw, .. } | Self::Vertices { raw, .. } => raw,
         }
     }
 }

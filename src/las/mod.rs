@@ -9,9 +9,12 @@ mod chunks;
 mod copc;
 mod crs;
 mod decoding;
+#[cfg(feature = "e57")]
+mod e57;
 mod filter;
 mod guard;
 mod header;
+mod headerless;
 mod inputs;
 mod octree;
 mod ply;

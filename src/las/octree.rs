@@ -1,11 +1,11 @@
 //! Which point goes to which node of an octree, whatever the order of the points.
 //!
 //! A node at level *l* is a cube, cut into equal voxels along its edges; both are half
-//! as wide at the next level. Of the points of a voxel one stands for all: the one with
-//! the highest priority, a hash of its place. A point belongs to the first level at
-//! which it is the one of its voxel. So every level is a choice of the cloud, twice as
-//! dense along an edge as the one before, and the choice of a voxel needs no more than
-//! the points in it.
+//! as wide at the next level. At every level each voxel keeps one of the points that no
+//! level before has kept: the one with the highest priority, a hash of its place. So every
+//! level is twice as dense along an edge as the one before, the choice of a voxel needs no
+//! more than the points in it, and a node with points below it has points itself (some
+//! readers turn back at a node without).
 
 use crate::{
     geometry::{Rect, Stored, spread},
@@ -24,7 +24,8 @@ pub(super) struct NodeKey {
 
 impl NodeKey {
     /// The node that this one is a child of; `None` of the root.
-    pub(super) fn parent(self) -> Option<Self> {
+    #[cfg(test)]
+    fn parent(self) -> Option<Self> {
         Some(Self {
             level: self.level.checked_sub(1)?,
             place: self.place.map(|c| c >> 1),
@@ -141,19 +142,19 @@ impl Octree {
         levels
     }
 
-    /// Gives the points of a voxel at `level` their levels.
+    /// Gives those points of a voxel at `level` that have none their level.
     fn choose(&self, points: &[(u64, Stored)], level: u32, levels: &mut [u8]) {
-        let best = (0..points.len()).max_by_key(|&i| (priority(points[i].1), points[i].1));
-        if let Some(best) = best {
-            levels[best] = levels[best].min(level as u8);
-        }
+        let best = (0..points.len())
+            .filter(|&i| levels[i] == u8::MAX)
+            .max_by_key(|&i| (priority(points[i].1), points[i].1));
+        let Some(best) = best else {
+            return;
+        };
+        levels[best] = level as u8;
         if level == self.deepest {
             for unchosen in levels.iter_mut().filter(|l| **l == u8::MAX) {
                 *unchosen = level as u8;
             }
-            return;
-        }
-        if points.len() < 2 {
             return;
         }
         let child = |key: u64| key >> (3 * (self.deepest - level - 1));
@@ -194,7 +195,7 @@ fn collected(value: u64) -> u32 {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::HashMap;
+    use std::collections::{HashMap, HashSet};
 
     use super::*;
 
@@ -233,29 +234,40 @@ mod tests {
         }
     }
 
-    /// The twin asks, level by level and voxel by voxel, who is first.
+    /// The twin goes through level after level, and through all points for each of them.
     #[test]
-    fn a_point_is_of_the_first_level_at_which_it_is_the_one_of_its_voxel() {
+    fn every_voxel_keeps_one_of_what_is_left() {
         let cloud = cloud(3000);
         let octree = around(&cloud, 40, 2);
         let points = sorted(&octree, &cloud);
         let levels = octree.levels(&points);
-        for (&(key, point), &level) in points.iter().zip(&levels) {
-            let truth = (0..octree.deepest)
-                .find(|l| {
-                    let voxel = |key: u64| key >> (3 * (octree.deepest - l));
-                    let rivals = points.iter().filter(|&&(k, _)| voxel(k) == voxel(key));
-                    let best = rivals.map(|&(_, p)| p).max_by_key(|&p| (priority(p), p));
-                    best == Some(point)
-                })
-                .unwrap_or(octree.deepest);
-            assert_eq!(u32::from(level), truth);
+        let mut truth = vec![octree.deepest; points.len()];
+        let mut left: Vec<usize> = (0..points.len()).collect();
+        for level in 0..octree.deepest {
+            let mut best = HashMap::<u64, usize>::new();
+            for &i in &left {
+                let voxel = points[i].0 >> (3 * (octree.deepest - level));
+                let rank = |i: usize| (priority(points[i].1), points[i].1);
+                let kept = best.entry(voxel).or_insert(i);
+                if rank(i) > rank(*kept) {
+                    *kept = i;
+                }
+            }
+            for kept in best.into_values() {
+                truth[kept] = level;
+                left.retain(|&i| i != kept);
+            }
         }
-        let mut of_level = HashMap::<u8, usize>::new();
-        for level in levels {
-            *of_level.entry(level).or_default() += 1;
-        }
-        assert!(of_level.len() > 3, "{of_level:?}");
+        assert!(levels.iter().zip(&truth).all(|(&l, &t)| u32::from(l) == t));
+        // A node with points below it has points.
+        let node = |i: usize| octree.node(points[i].0, levels[i].into());
+        let nodes: HashSet<NodeKey> = (0..points.len()).map(node).collect();
+        let parents: HashSet<NodeKey> = nodes.iter().filter_map(|key| key.parent()).collect();
+        assert!(
+            parents.is_subset(&nodes) && nodes.len() > 50,
+            "{}",
+            nodes.len()
+        );
     }
 
     #[test]

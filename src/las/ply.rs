@@ -50,7 +50,7 @@ struct Element {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Scalar {
+pub(super) enum Scalar {
     Int(usize),
     Uint(usize),
     Float(usize),
@@ -234,11 +234,6 @@ impl PlyFile {
             has_standard_time,
             described,
         })
-    }
-
-    /// Vertices that it claims to hold.
-    pub(super) fn points(&self) -> u64 {
-        self.elements.last().map_or(0, |vertices| vertices.count)
     }
 
     /// The coordinate reference system, if a comment states one.
@@ -431,7 +426,7 @@ pub(super) struct PlyLayout {
 }
 
 impl PlyLayout {
-    fn of(properties: &[(String, Scalar)]) -> Self {
+    pub(super) fn of(properties: &[(String, Scalar)]) -> Self {
         let has = |wanted: &str| properties.iter().any(|(name, _)| name == wanted);
         let point_format = match (has("red"), has("nir")) {
             (_, true) => 8,

@@ -12,6 +12,8 @@ use std::{
 
 use ::las::{Reader, Vlr, copc::CopcHierarchyVlr, point::Format};
 
+#[cfg(feature = "e57")]
+use super::e57::E57File;
 use super::{
     Crs, ExtraByte, LasError, PlyFile, PointFilter, RecordFormat,
     chunks::{Chunk, place_chunks},
@@ -29,7 +31,7 @@ const BATCH_BYTES: u64 = 4 << 20;
 /// Scales that can be meant, in CRS units: from far below an atom to a planet.
 const SCALES: std::ops::RangeInclusive<f64> = 1e-12..=1e6;
 /// The farthest offset that can be meant, likewise.
-const FARTHEST_OFFSET: f64 = 1e12;
+pub(super) const FARTHEST_OFFSET: f64 = 1e12;
 /// Parts of a file at the most.
 const MOST_PARTS: u64 = 4096;
 
@@ -62,13 +64,13 @@ pub struct InputFile {
     pub generating_software: String,
     /// What is odd about it.
     pub notes: Vec<String>,
-    format: Format,
-    access: Access,
+    pub(super) format: Format,
+    pub(super) access: Access,
 }
 
 /// Where reading can begin, and how it is done.
 #[derive(Clone, Debug)]
-enum Access {
+pub(super) enum Access {
     /// At its first point only.
     Start,
     /// After so many points, again and again.
@@ -81,6 +83,9 @@ enum Access {
     },
     /// A polygon file, from its first vertex.
     Ply(PlyFile),
+    /// An E57 file, from its first point.
+    #[cfg(feature = "e57")]
+    E57(E57File),
 }
 
 impl InputFile {
@@ -89,7 +94,7 @@ impl InputFile {
     /// # Errors
     ///
     /// If there is no such file, it cannot be read, is neither a LAS or LAZ file of
-    /// version 1.0 to 1.4 nor, by its name, a polygon file, or says what cannot be.
+    /// version 1.0 to 1.4 nor, by its name, PLY or E57, or says what cannot be.
     pub fn survey(path: &Path) -> Result<Self, LasError> {
         let wrong = |problem: String| LasError::new(path, problem);
         let metadata =
@@ -98,11 +103,17 @@ impl InputFile {
             return Err(wrong("is not a regular file".into()));
         }
         let bytes = metadata.len();
-        if path
-            .extension()
-            .is_some_and(|e| e.eq_ignore_ascii_case("ply"))
-        {
-            return Self::survey_ply(path, bytes);
+        match path.extension().map(|e| e.to_ascii_lowercase()) {
+            Some(e) if e == "ply" => return Self::survey_ply(path, bytes),
+            #[cfg(feature = "e57")]
+            Some(e) if e == "e57" => return Self::survey_e57(path, bytes),
+            #[cfg(not(feature = "e57"))]
+            Some(e) if e == "e57" => {
+                let problem = "is E57, which this program was built without; build it with \
+                               --features e57, or convert the file to LAZ";
+                return Err(wrong(problem.into()));
+            }
+            _ => {}
         }
         let (header, chunks) = read_header(path, bytes)?;
         let format = Format::new(header.point_data_record_format)
@@ -204,74 +215,6 @@ impl InputFile {
         Ok(input)
     }
 
-    /// Reads all vertices of a polygon file: it does not say where they are.
-    fn survey_ply(path: &Path, bytes: u64) -> Result<Self, LasError> {
-        let file = PlyFile::survey(path)?;
-        let layout = file.layout();
-        let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-        let mut stream = file.open()?;
-        let mut vertex = 0_u64;
-        while let Some(place) = stream.next_place()? {
-            if !place.iter().all(|c| c.abs() <= FARTHEST_OFFSET) {
-                let problem = format!("its vertex {vertex} is at no place: {place:?}");
-                return Err(LasError::new(path, problem));
-            }
-            for (axis, &c) in place.iter().enumerate() {
-                bounds[0][axis] = bounds[0][axis].min(c);
-                bounds[1][axis] = bounds[1][axis].max(c);
-            }
-            vertex += 1;
-        }
-        let mut notes = Vec::new();
-        if vertex == 0 {
-            notes.push("holds no point".to_owned());
-            bounds = [[0.0; 3]; 2];
-        }
-        let [min, max] = bounds;
-        let extent = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
-        let farthest = bounds
-            .iter()
-            .flatten()
-            .fold(0.0, |f: f64, c| f.max(c.abs()));
-        // Finer than what single precision can tell, or a billionth across.
-        let finest = match layout.is_single {
-            true => 0.01 * f64::from(f32::EPSILON) * farthest,
-            false => 1e-9 * extent,
-        };
-        let scale = 10_f64.powf(finest.max(1e-9).log10().ceil());
-        let scale = format!("{scale:.12e}").parse().unwrap_or(scale);
-        let mut format = Format::new(layout.point_format)
-            .map_err(|e| LasError::new(path, format!("cannot be read: {e}")))?;
-        let extra: usize = layout.extra_bytes.iter().map(|extra| extra.length).sum();
-        format.extra_bytes = u16::try_from(extra)
-            .map_err(|_| LasError::new(path, "its vertices have too many properties"))?;
-        Ok(Self {
-            path: path.to_owned(),
-            bytes,
-            version: [1, 0],
-            points_claimed: file.points(),
-            bounds_claimed: bounds,
-            bounds,
-            scale: [scale; 3],
-            offset: [0, 1, 2].map(|axis| (0.5 * (min[axis] + max[axis])).round()),
-            crs: file.crs(),
-            extra_bytes: layout.extra_bytes,
-            has_standard_time: file.has_standard_time(),
-            generating_software: String::new(),
-            notes,
-            format,
-            access: Access::Ply(file),
-        })
-    }
-
-    /// The polygon file that it is, if it is one.
-    pub(super) fn ply(&self) -> Option<&PlyFile> {
-        match &self.access {
-            Access::Ply(file) => Some(file),
-            _ => None,
-        }
-    }
-
     /// Its chunks, if they differ in length.
     pub(super) fn chunks(&self) -> Option<&[Chunk]> {
         match &self.access {
@@ -284,6 +227,8 @@ impl InputFile {
     pub fn kind(&self) -> &'static str {
         match &self.access {
             Access::Ply(_) => "PLY",
+            #[cfg(feature = "e57")]
+            Access::E57(_) => "E57",
             Access::Chunks {
                 is_octree: true, ..
             } => "COPC",
@@ -315,8 +260,8 @@ impl InputFile {
         let points = points.max(all.div_ceil(MOST_PARTS));
         let length = match &self.access {
             Access::Stride(stride) => points.div_ceil(*stride).saturating_mul(*stride),
-            Access::Start | Access::Ply(_) => all,
             Access::Chunks { chunks, .. } => return parts_of(chunks, points, all, filter),
+            _ => all,
         };
         let starts = (0..all.max(1)).step_by(usize::try_from(length.max(1)).unwrap_or(usize::MAX));
         starts

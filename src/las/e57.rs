@@ -1,0 +1,200 @@
+//! E57 files (ASTM E2807): scans of several stations in one.
+//!
+//! The reader lends out its points, and cannot be kept with them; so it lives in a thread
+//! of its own, and sends them.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::mpsc::{Receiver, SyncSender, sync_channel},
+};
+
+use e57::{CartesianCoordinate, E57Reader, Point};
+
+use super::{
+    Crs, LasError,
+    ply::{PlyLayout, Scalar},
+};
+
+/// An E57 file whose header was read.
+#[derive(Clone, Debug)]
+pub(super) struct E57File {
+    path: PathBuf,
+    crs: Option<Crs>,
+    has_color: bool,
+}
+
+/// Points that are sent at once, and how often before they are taken.
+const BATCH: usize = 4096;
+const WAITING: usize = 2;
+
+impl E57File {
+    /// Reads the header of the file at `path`.
+    ///
+    /// # Errors
+    ///
+    /// If it cannot be read.
+    pub(super) fn survey(path: &Path) -> Result<Self, LasError> {
+        let reader = E57Reader::from_file(path)
+            .map_err(|e| LasError::new(path, format!("cannot be read: {e}")))?;
+        let metadata = reader.coordinate_metadata().map(str::trim);
+        Ok(Self {
+            path: path.to_owned(),
+            // What is no well-known text is for people.
+            crs: metadata
+                .filter(|text| text.contains('[') && !text.contains(char::is_control))
+                .map(|text| Crs::Wkt(text.to_owned())),
+            has_color: reader.pointclouds().iter().any(e57::PointCloud::has_color),
+        })
+    }
+
+    /// The coordinate reference system, if it is stated as well-known text.
+    pub(super) fn crs(&self) -> Option<Crs> {
+        self.crs.clone()
+    }
+
+    /// How its points become records.
+    pub(super) fn layout(&self) -> PlyLayout {
+        let mut properties = Vec::new();
+        let mut add = |name: &str, kind| properties.push((name.to_owned(), kind));
+        for name in ["x", "y", "z"] {
+            add(name, Scalar::Float(8));
+        }
+        add("intensity", Scalar::Uint(2));
+        if self.has_color {
+            for name in ["red", "green", "blue"] {
+                add(name, Scalar::Float(4));
+            }
+        }
+        PlyLayout::of(&properties)
+    }
+
+    /// Its points, from the first: in the order of [`layout`](Self::layout).
+    pub(super) fn open(&self) -> E57Stream {
+        let (sender, receiver) = sync_channel(WAITING);
+        let file = self.clone();
+        std::thread::spawn(move || {
+            // Nobody waits for what is left when the stream is gone.
+            if let Err(error) = file.send(&sender) {
+                drop(sender.send(Err(error)));
+            }
+        });
+        E57Stream {
+            receiver,
+            batch: Vec::new().into_iter(),
+        }
+    }
+
+    fn send(&self, sender: &SyncSender<Result<Vec<Values>, String>>) -> Result<(), String> {
+        let broken = |e: e57::Error| format!("is damaged: {e}");
+        let mut reader = E57Reader::from_file(&self.path).map_err(broken)?;
+        let mut batch = Vec::with_capacity(BATCH);
+        for cloud in reader.pointclouds() {
+            for point in reader.pointcloud_simple(&cloud).map_err(broken)? {
+                batch.extend(values(&point.map_err(broken)?));
+                if batch.len() == BATCH && sender.send(Ok(std::mem::take(&mut batch))).is_err() {
+                    return Ok(());
+                }
+            }
+        }
+        drop(sender.send(Ok(batch)));
+        Ok(())
+    }
+}
+
+/// Place, intensity, colour.
+type Values = [f64; 7];
+
+/// The values of a point; `None` if it is only a direction in which nothing was hit.
+fn values(point: &Point) -> Option<Values> {
+    let CartesianCoordinate::Valid { x, y, z } = point.cartesian else {
+        return None;
+    };
+    let [red, green, blue] = point
+        .color
+        .as_ref()
+        .map_or([0.0; 3], |c| [c.red, c.green, c.blue].map(f64::from));
+    // From nothing to all that is possible: sixteen bits, as LAS has it.
+    let intensity = f64::from(point.intensity.unwrap_or(0.0)) * 65_535.0;
+    Some([x, y, z, intensity, red, green, blue])
+}
+
+/// The points of an E57 file, one after the other.
+pub(super) struct E57Stream {
+    receiver: Receiver<Result<Vec<Values>, String>>,
+    batch: std::vec::IntoIter<Values>,
+}
+
+impl Iterator for E57Stream {
+    type Item = Result<Values, String>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some(values) = self.batch.next() {
+                return Some(Ok(values));
+            }
+            match self.receiver.recv().ok()? {
+                Ok(batch) => self.batch = batch.into_iter(),
+                Err(error) => return Some(Err(error)),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use e57::{E57Writer, Record, RecordValue};
+
+    use super::*;
+    use crate::las::InputFile;
+
+    #[test]
+    fn points_are_read_and_directions_are_not() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("scan.e57");
+        let mut writer = E57Writer::from_file(&path, "file").unwrap();
+        let prototype = vec![
+            Record::CARTESIAN_X_F64,
+            Record::CARTESIAN_Y_F64,
+            Record::CARTESIAN_Z_F64,
+            Record::CARTESIAN_INVALID_STATE,
+            Record::COLOR_RED_U8,
+            Record::COLOR_GREEN_U8,
+            Record::COLOR_BLUE_U8,
+        ];
+        let mut cloud = writer.add_pointcloud("cloud", prototype).unwrap();
+        for i in 0..10_000_i64 {
+            let c = i as f64 * 0.25;
+            cloud
+                .add_point(vec![
+                    RecordValue::Double(c),
+                    RecordValue::Double(-c),
+                    RecordValue::Double(1e6),
+                    RecordValue::Integer(if i % 5 == 0 { 2 } else { 0 }),
+                    RecordValue::Integer(255),
+                    RecordValue::Integer(i % 256),
+                    RecordValue::Integer(0),
+                ])
+                .unwrap();
+        }
+        cloud.finalize().unwrap();
+        writer.finalize().unwrap();
+        let input = InputFile::survey(&path).unwrap();
+        assert_eq!((input.kind(), input.points_claimed), ("E57", 8000));
+        assert_eq!(input.bounds, [[0.25, -2499.75, 1e6], [2499.75, -0.25, 1e6]]);
+        assert!(input.format().has_color);
+        let file = E57File::survey(&path).unwrap();
+        let first = file.open().next().unwrap().unwrap();
+        assert_eq!(first[..4], [0.25, -0.25, 1e6, 0.0]);
+        assert_eq!(first[4], 1.0);
+        assert!((first[5] - 1.0 / 255.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn what_is_cut_is_an_error() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("scan.e57");
+        std::fs::write(&path, b"ASTM-E57 and no more").unwrap();
+        let error = InputFile::survey(&path).unwrap_err().to_string();
+        assert!(error.contains("scan.e57"), "{error}");
+    }
+}
