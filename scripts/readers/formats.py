@@ -50,6 +50,7 @@ def scan(point_format, has_extras, is_standard_time):
     if point_format > 5:
         header.global_encoding.wkt = True
         header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(WKT))
+    header.vlrs.append(laspy.VLR("LASF_Spec", 3, "Text area", b"a wavy sheet"))
     if has_extras:
         for name, kind, scale, offset in EXTRAS:
             size = 3 if kind[0] == "3" else 1

@@ -163,6 +163,11 @@ def described(out, scans):
     """Extra bytes keep their descriptions, GPS times their kind."""
     ours = {d.name: d for d in out.point_format.extra_dimensions}
     for scan in scans:
+        texts = [
+            [bytes(v.record_data) for v in las.header.vlrs if (v.user_id, v.record_id) == ("LASF_Spec", 3)]
+            for las in (out, scan)
+        ]
+        assert texts[1][:1] in ([], texts[0]), texts
         for theirs in scan.point_format.extra_dimensions:
             mine = ours[theirs.name]
             same = (mine.kind, mine.num_bits, mine.description, str(mine.scales), str(mine.offsets))

@@ -135,6 +135,7 @@ fn write_street(street: &Street, passes: u32, dir: &Path) -> Result<Vec<(PathBuf
             offset: [431_000.0, 5_400_000.0, 100.0],
         },
         crs: lloydar::las::Crs::of_epsg(32_633),
+        kept_records: Vec::new(),
         has_standard_time: false,
         provenance: "simulated".to_owned(),
     };

@@ -24,6 +24,7 @@ mod record;
 mod tiled;
 mod writing;
 
+pub use ::las::Vlr;
 pub use copc::Workspace;
 pub use crs::Crs;
 pub use filter::{Ground, PointFilter};

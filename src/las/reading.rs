@@ -32,6 +32,8 @@ const BATCH_BYTES: u64 = 4 << 20;
 const SCALES: std::ops::RangeInclusive<f64> = 1e-12..=1e6;
 /// The farthest offset that can be meant, likewise.
 pub(super) const FARTHEST_OFFSET: f64 = 1e12;
+/// Classification lookup and text area description (LAS 1.4, section 4.2).
+const KEPT_RECORDS: [u16; 2] = [0, 3];
 /// Parts of a file at the most.
 const MOST_PARTS: u64 = 4096;
 
@@ -58,6 +60,9 @@ pub struct InputFile {
     pub crs: Option<Crs>,
     /// Its extra bytes, in order.
     pub extra_bytes: Vec<ExtraByte>,
+    /// Records that are as true of the output: what classes are called, and the text that
+    /// describes the area.
+    pub kept_records: Vec<Vlr>,
     /// Whether GPS times are adjusted standard times, not seconds of the week.
     pub has_standard_time: bool,
     /// The program that wrote it.
@@ -148,6 +153,7 @@ impl InputFile {
             offset,
             crs: None,
             extra_bytes: Vec::new(),
+            kept_records: Vec::new(),
             has_standard_time: header.global_encoding & 1 == 1,
             generating_software: text_of(&header.generating_software),
             notes: Vec::new(),
@@ -166,6 +172,13 @@ impl InputFile {
         });
         let vlrs: Vec<&Vlr> = las.all_vlrs().chain(&extended).collect();
         input.crs = Crs::from_vlrs(vlrs.iter().copied());
+        let is_kept =
+            |vlr: &&&Vlr| vlr.user_id == "LASF_Spec" && KEPT_RECORDS.contains(&vlr.record_id);
+        input.kept_records = vlrs
+            .iter()
+            .filter(is_kept)
+            .map(|vlr| (*vlr).clone())
+            .collect();
         input.extra_bytes = extra_bytes(&vlrs, input.format.extra_bytes.into(), &mut input.notes);
         if !input.format.is_compressed {
             let record = u64::from(input.format.len());

@@ -91,6 +91,8 @@ pub struct CloudHeader {
     pub lattice: Lattice,
     /// Coordinate reference system.
     pub crs: Option<Crs>,
+    /// Variable length records of the inputs that are as true of it.
+    pub kept_records: Vec<Vlr>,
     /// Whether GPS times are adjusted standard times.
     pub has_standard_time: bool,
     /// How the cloud was made, as JSON.
@@ -532,6 +534,7 @@ fn las_header(header: &CloudHeader, written: Format) -> ::las::Result<::las::Hea
             data: descriptors,
         });
     }
+    builder.vlrs.extend(header.kept_records.iter().cloned());
     builder.vlrs.push(Vlr {
         user_id: "lloydar".to_owned(),
         record_id: 1,

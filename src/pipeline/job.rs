@@ -441,6 +441,7 @@ impl Job {
             record: running.transfer.record().clone(),
             lattice: *lattice,
             crs: running.survey.crs.clone(),
+            kept_records: running.survey.kept_records(),
             has_standard_time: running.survey.has_standard_time,
             provenance: provenance(
                 &self.settings,

@@ -8,7 +8,7 @@ use super::{JobError, LeftOut};
 use crate::{
     config::{Settings, Target},
     geometry::Lattice,
-    las::{Crs, InputFile, PointFilter, RecordFormat, expand_inputs},
+    las::{Crs, InputFile, PointFilter, RecordFormat, Vlr, expand_inputs},
 };
 
 /// What the headers of all inputs say, and what follows for the run.
@@ -158,6 +158,17 @@ impl Survey {
             filter: asked.filter.clone(),
             asked,
         })
+    }
+
+    /// The records that the output keeps: of each kind the first that an input has.
+    pub fn kept_records(&self) -> Vec<Vlr> {
+        let mut kept: Vec<Vlr> = Vec::new();
+        for record in self.inputs.iter().flat_map(|input| &input.kept_records) {
+            if kept.iter().all(|known| known.record_id != record.record_id) {
+                kept.push(record.clone());
+            }
+        }
+        kept
     }
 
     /// Points that the headers claim.
