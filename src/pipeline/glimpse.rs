@@ -23,30 +23,43 @@ pub struct Glimpse {
 /// Side of the square, in spacings.
 const SIDE: f64 = 24.0;
 /// Points of the input that are shown, about.
-const SHOWN: u64 = 4000;
+const SHOWN: u64 = 2500;
 
-impl Glimpse {
-    /// The middle of the tile that put out most, once its sites are `settled`; nothing
-    /// if there are none.
-    pub(super) fn of_job(
-        plan: &Plan,
-        most_sites: u32,
-        spill: &Spill,
-        settled: &SettledTiles,
-        record_length: usize,
-        lattice: &Lattice,
-        spacing: f64,
-    ) -> Result<Self, JobError> {
-        let sites = |tile: u32| -> Result<Vec<Stored>, JobError> {
-            let records = settled.records(tile)?;
-            Ok(records
-                .chunks_exact(record_length)
-                .map(Stored::of_record)
-                .collect())
-        };
-        let Some(middle) = middle(&sites(most_sites)?) else {
-            return Ok(Self::default());
-        };
+/// What a place is looked at in.
+pub(super) struct Look<'a> {
+    pub(super) plan: &'a Plan,
+    pub(super) spill: &'a Spill,
+    /// Where the sites are settled.
+    pub(super) settled: &'a SettledTiles,
+    pub(super) record_length: usize,
+    pub(super) lattice: &'a Lattice,
+    pub(super) spacing: f64,
+}
+
+impl Look<'_> {
+    fn sites(&self, tile: u32) -> Result<Vec<Stored>, JobError> {
+        let records = self.settled.records(tile)?;
+        let records = records.chunks_exact(self.record_length);
+        Ok(records.map(Stored::of_record).collect())
+    }
+
+    /// The middle of `tile`; nothing if it has no site.
+    pub(super) fn at_middle(&self, tile: u32) -> Result<Glimpse, JobError> {
+        match middle(&self.sites(tile)?) {
+            Some(middle) => self.around(middle),
+            None => Ok(Glimpse::default()),
+        }
+    }
+
+    /// The square around `middle` (stored units).
+    pub(super) fn around(&self, middle: [i64; 2]) -> Result<Glimpse, JobError> {
+        let Self {
+            plan,
+            spill,
+            lattice,
+            spacing,
+            ..
+        } = *self;
         let square = Rect {
             min: middle.map(|c| c - lattice.units(0.5 * SIDE * spacing)),
             max: middle.map(|c| c + lattice.units(0.5 * SIDE * spacing)),
@@ -66,7 +79,11 @@ impl Glimpse {
         let mut after = Vec::new();
         let near = square.grown(lattice.units(SIDE * spacing));
         for tile in plan.tiles.iter().filter(|t| t.core.intersects(&near)) {
-            after.extend(sites(tile.id)?.into_iter().filter(|&p| square.contains(p)));
+            after.extend(
+                self.sites(tile.id)?
+                    .into_iter()
+                    .filter(|&p| square.contains(p)),
+            );
         }
         let lowest = before.iter().chain(&after).map(|p| p.z).min().unwrap_or(0);
         let places = |mut points: Vec<Stored>| -> Vec<[f64; 3]> {
@@ -84,7 +101,7 @@ impl Glimpse {
                 })
                 .collect()
         };
-        Ok(Self {
+        Ok(Glimpse {
             side: SIDE,
             before: places(before),
             shown,

@@ -11,9 +11,11 @@ use crossbeam::channel;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Glimpse, InputCount, JobError, JobPlan, LeftOut, Progress, Survey, TileFigures, Unit,
+    Field, Glimpse, InputCount, JobError, JobPlan, LeftOut, Progress, Survey, TileFigures, Unit,
+    WorstPlace,
     directory::{JobDirectory, Stamp},
     disk::{Need, check_room},
+    glimpse::Look,
     memory::{Budget, mebibytes, peak_resident},
     planning::Planning,
     provenance::{checksums, provenance},
@@ -81,6 +83,10 @@ pub struct Outcome {
     pub bytes: u64,
     /// One place before and after.
     pub glimpse: Glimpse,
+    /// Figures square by square.
+    pub field: Field,
+    /// Where the output is least even.
+    pub worst: Vec<WorstPlace>,
     /// What each stage took.
     pub stages: Vec<StageCost>,
     /// What is worth a line.
@@ -427,15 +433,16 @@ impl Job {
         let figures = plan.tiles.iter().map(|tile| solved.figures(tile.id));
         let tiles: Vec<TileFigures> = figures.collect::<Result<_, JobError>>()?;
         let largest = tiles.iter().max_by_key(|tile| tile.sites);
-        let glimpse = Glimpse::of_job(
+        let look = Look {
             plan,
-            largest.map_or(0, |figures| figures.tile.id),
-            &running.spill,
-            &settled,
-            running.transfer.record().record_length(),
+            spill: &running.spill,
+            settled: &settled,
+            record_length: running.transfer.record().record_length(),
             lattice,
             spacing,
-        )?;
+        };
+        let glimpse = look.at_middle(largest.map_or(0, |figures| figures.tile.id))?;
+        let mut field = Field::of_input(&running.spill);
         progress.begin("write", plan.tiles.len() as u64, 0, Unit::Tiles);
         let header = CloudHeader {
             record: running.transfer.record().clone(),
@@ -467,9 +474,18 @@ impl Job {
             spacing,
             running.transfer.record().record_length(),
             seams,
+            &mut field,
             &mut writer,
             progress,
         )?;
+        let worst = field.worst().into_iter().map(|(delta, point)| {
+            Ok(WorstPlace {
+                place: lattice.world(point),
+                delta,
+                glimpse: look.around([point.x.into(), point.y.into()])?,
+            })
+        });
+        let worst = worst.collect::<Result<Vec<WorstPlace>, JobError>>()?;
         progress.end();
         clock.stop("write");
         if self.is_sorted() {
@@ -502,6 +518,8 @@ impl Job {
             tiles,
             stitched,
             glimpse,
+            field,
+            worst,
             points,
             bytes: cloud.bytes(),
             stages: clock.stages,

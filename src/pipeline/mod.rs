@@ -10,6 +10,7 @@
 mod directory;
 mod disk;
 mod error;
+mod field;
 mod gathering;
 mod glimpse;
 mod job;
@@ -28,6 +29,7 @@ mod writing;
 
 pub use directory::default_directory;
 pub use error::{JobError, LeftOut};
+pub use field::{Field, FieldSquare, WorstPlace};
 pub use glimpse::Glimpse;
 pub use job::{Job, Outcome, StageCost};
 pub use measuring::{Measured, measure, measure_against_surface};

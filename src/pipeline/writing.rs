@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    JobError, Progress,
+    Field, JobError, Progress,
     solving::BAND,
     tiles::{SettledTiles, SolvedTiles},
 };
@@ -93,6 +93,7 @@ pub(super) fn write(
     spacing: f64,
     record_length: usize,
     seams: SeamTally,
+    field: &mut Field,
     writer: &mut CloudWriter,
     progress: &dyn Progress,
 ) -> Result<(Stitched, HashMap<u32, UniformityTally>), JobError> {
@@ -137,12 +138,13 @@ pub(super) fn write(
                 .zip(records.chunks_exact(record_length)),
         ) {
             let nearest = grid.nearest(*place, BAND * spacing, |other| other == index);
-            let Some((_, squared)) = nearest else {
+            let point = Stored::of_record(record);
+            let nearest = nearest.map(|(_, squared)| squared.sqrt());
+            field.push(point, nearest, spacing);
+            let Some(distance) = nearest else {
                 stitched.all.push_alone();
                 continue;
             };
-            let distance = squared.sqrt();
-            let point = Stored::of_record(record);
             let is_on_seam = near.iter().any(|core| core.depth(point) > -seam);
             stitched.duplicates += u64::from(distance == 0.0);
             stitched.all.push_distance(distance);

@@ -1,6 +1,7 @@
 //! What a job did, for people and for machines.
 
 mod chart;
+mod map;
 mod page;
 mod verdict;
 
@@ -62,6 +63,11 @@ pub struct Report {
     /// One place before and after.
     #[serde(skip)]
     pub glimpse: Glimpse,
+    /// Figures square by square.
+    #[serde(skip)]
+    pub area: AreaMap,
+    /// Where the output is least even.
+    pub worst: Vec<WorstRow>,
     /// The tiles.
     pub tiles: Vec<TileRow>,
     /// What each stage took in this run.
@@ -95,6 +101,44 @@ pub struct Seams {
     pub on_seams: Uniformity,
     /// Elsewhere.
     pub elsewhere: Uniformity,
+}
+
+/// Equal squares of the plane.
+#[derive(Clone, Debug)]
+pub struct AreaMap {
+    /// Edge of a square.
+    pub edge: f64,
+    /// South-west corner of the first (world coordinates).
+    pub corner: [f64; 2],
+    /// Those with points.
+    pub squares: Vec<SquareRow>,
+}
+
+/// One square.
+#[derive(Clone, Debug)]
+pub struct SquareRow {
+    /// How many squares east and north of the first.
+    pub place: [i64; 2],
+    /// Points of the input.
+    pub input: u64,
+    /// Points of the output.
+    pub output: u64,
+    /// δ of the output.
+    pub delta: f64,
+    /// Mean nearest distance of the output, in spacings.
+    pub mean: f64,
+}
+
+/// A place where the output is less even than elsewhere.
+#[derive(Clone, Debug, Serialize)]
+pub struct WorstRow {
+    /// Where (world coordinates).
+    pub place: [f64; 3],
+    /// δ of the square around it.
+    pub delta: f64,
+    /// What it looks like.
+    #[serde(skip)]
+    pub glimpse: Glimpse,
 }
 
 /// One tile.
@@ -180,6 +224,16 @@ impl Report {
             histogram_seeds: seeds.histogram(BINS, SPANNED),
             histogram: stitched.all.histogram(BINS, SPANNED),
             glimpse: outcome.glimpse.clone(),
+            area: area(outcome),
+            worst: outcome
+                .worst
+                .iter()
+                .map(|worst| WorstRow {
+                    place: worst.place,
+                    delta: worst.delta,
+                    glimpse: worst.glimpse.clone(),
+                })
+                .collect(),
             tiles: outcome
                 .tiles
                 .iter()
@@ -227,6 +281,30 @@ impl Report {
             );
         }
         text
+    }
+}
+
+fn area(outcome: &Outcome) -> AreaMap {
+    let spacing = outcome.plan.spacing;
+    let (edge, corner) = outcome.field.ground(&outcome.plan.lattice);
+    let squares = outcome.field.squares().map(|(place, square)| {
+        let distances = &square.distances;
+        SquareRow {
+            place,
+            input: square.input,
+            output: square.output,
+            // Of a handful of points it says nothing.
+            delta: match distances.count {
+                0..10 => f64::NAN,
+                _ => distances.delta(),
+            },
+            mean: distances.sum / distances.count as f64 / spacing,
+        }
+    });
+    AreaMap {
+        edge,
+        corner,
+        squares: squares.collect(),
     }
 }
 

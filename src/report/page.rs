@@ -1,6 +1,6 @@
 //! The report as one page: styles and charts inside, nothing fetched.
 
-use super::{Report, SPANNED, TileRow, chart, figure, thousands, verdicts};
+use super::{Report, SPANNED, TileRow, WorstRow, chart, figure, map, thousands, verdicts};
 use crate::{pipeline::Glimpse, quality::Uniformity};
 
 const STYLE: &str = "
@@ -23,6 +23,11 @@ svg{width:100%;height:auto}svg text{fill:var(--soft);font-size:12px}
 .soft{color:var(--soft)}.legend span{display:inline-block;width:.8em;height:.8em;margin-left:1em}
 .legend .input{background:var(--input)}.legend .seeds{background:var(--seeds)}
 .legend .output{background:var(--output)}
+canvas{width:100%;height:auto;image-rendering:pixelated;border:1px solid var(--rule)}
+canvas:focus-visible{outline:3px solid var(--output)}
+.controls label{margin-right:1.5em}select{font:inherit}
+.places{display:grid;grid-template-columns:repeat(auto-fit,minmax(17rem,1fr));gap:1rem}
+figure{margin:0;break-inside:avoid}figcaption{color:var(--soft);font-size:.9rem}
 .map rect{stroke:var(--paper);stroke-width:.3%}
 @media print{body{max-width:none}}";
 
@@ -84,7 +89,9 @@ pub(super) fn page(report: &Report) -> String {
             "δ by iteration",
             chart::line("δ by iteration", &report.convergence),
         ),
-        ("Tiles, coloured by δ", map(&report.tiles)),
+        ("The area", map::map(&report.area, &report.tiles)),
+        ("Where it is least even", worst(&report.worst)),
+        ("Tiles, coloured by δ", tile_map(&report.tiles)),
         ("Seams", seams(report)),
         ("Time and memory", stages(report)),
         ("Inputs", inputs(report)),
@@ -165,8 +172,30 @@ fn figures(report: &Report) -> String {
         )
 }
 
+/// The least even places, each with a picture.
+fn worst(places: &[WorstRow]) -> String {
+    let cards: String = places
+        .iter()
+        .map(|worst| {
+            let [x, y, z] = worst.place;
+            format!(
+                "<figure>{}<figcaption>δ {} around {x:.2}, {y:.2}, {z:.2}</figcaption></figure>",
+                chart::before_and_after(&worst.glimpse),
+                figure(worst.delta),
+            )
+        })
+        .collect();
+    match cards.is_empty() {
+        true => cards,
+        false => format!(
+            "<p class=\"soft\">The squares of the map with the largest δ, each around its oddest \
+             point: before and after, from above.</p><div class=\"places\">{cards}</div>"
+        ),
+    }
+}
+
 /// Tiles as seen from above.
-fn map(tiles: &[TileRow]) -> String {
+fn tile_map(tiles: &[TileRow]) -> String {
     let fold = |of: &dyn Fn(&TileRow) -> f64, with: fn(f64, f64) -> f64, from: f64| {
         tiles
             .iter()
@@ -338,6 +367,6 @@ mod tests {
 
     #[test]
     fn a_map_of_nothing_is_nothing() {
-        assert_eq!(map(&[]), "");
+        assert_eq!(tile_map(&[]), "");
     }
 }
