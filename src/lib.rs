@@ -27,20 +27,21 @@
 //!
 //! [`pipeline`] runs the stages within threads and memory, and goes on where an
 //! earlier run stopped; [`config`] says what was asked for; [`simulate`] makes a
-//! street with known surfaces to try everything on.
+//! street with known surfaces to try everything on, [`picture`] draws what came out.
 //!
 //! Layers, dependencies only downwards:
 //!
 //! ```text
 //!   application   config  pipeline  report  (and the binary)
 //!   files         las  tile
-//!   numbers       geometry  lloyd  quality  simulate
+//!   numbers       geometry  lloyd  quality  simulate  picture
 //! ```
 
 pub mod config;
 pub mod geometry;
 pub mod las;
 pub mod lloyd;
+pub mod picture;
 pub mod pipeline;
 pub mod quality;
 pub mod report;

@@ -6,7 +6,7 @@ use std::{fs, path::Path};
 
 /// Modules by layer, the lowest first.
 const LAYERS: [&[&str]; 3] = [
-    &["geometry", "lloyd", "quality", "simulate"],
+    &["geometry", "lloyd", "quality", "simulate", "picture"],
     &["las", "tile"],
     &["config", "pipeline", "report"],
 ];

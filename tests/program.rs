@@ -208,6 +208,40 @@ fn wrong_requests_are_answered_with_a_reason_and_a_code() {
 }
 
 #[test]
+fn a_picture_shows_the_street() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = street(dir.path());
+    let colors = |view: &str, by: &str| {
+        let picture = dir.path().join(format!("{view}-{by}.png"));
+        let size = ["--size", "320x200", "--view", view, "--by", by];
+        let mut arguments = vec!["render", text(&scans), "-o", text(&picture)];
+        arguments.extend(size);
+        let done = lloydar(&arguments);
+        assert!(done.status.success(), "{done:?}");
+        let file = std::io::BufReader::new(fs::File::open(&picture).unwrap());
+        let mut reader = png::Decoder::new(file).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut pixels).unwrap();
+        assert_eq!((info.width, info.height), (320, 200));
+        let mut colors: Vec<[u8; 3]> = pixels.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect();
+        let paper = colors.iter().filter(|c| **c == [251, 251, 249]).count();
+        colors.sort_unstable();
+        colors.dedup();
+        (1.0 - paper as f64 / 64_000.0, colors.len())
+    };
+    for view in ["top", "oblique", "street"] {
+        let (covered, shades) = colors(view, "auto");
+        assert!(covered > 0.05 && shades > 300, "{view}: {covered} {shades}");
+    }
+    assert!(colors("street", "auto").0 > 0.5);
+    for by in ["height", "intensity", "class"] {
+        assert!(colors("top", by).1 > 30, "{by}");
+    }
+    let refused = lloydar(&["render", text(&scans), "--size", "wide"]);
+    assert_eq!(refused.status.code(), Some(2), "{refused:?}");
+}
+
+#[test]
 fn an_output_that_is_there_is_kept() {
     let dir = tempfile::tempdir().unwrap();
     let scans = street(dir.path());

@@ -14,11 +14,12 @@ use std::{
 
 use clap::{CommandFactory, Parser, Subcommand};
 use lloydar::{
-    config::{Bytes, Choices, OnBadFile},
+    config::{Bytes, Choices, OnBadFile, by_name},
     las::{InputFile, expand_inputs},
+    picture::View,
     pipeline::{
-        InputCount, Job, JobError, JobPlan, Quiet, default_directory, measure,
-        measure_against_surface,
+        Coloring, InputCount, Job, JobError, JobPlan, Picture, Quiet, default_directory, measure,
+        measure_against_surface, render,
     },
     report::{Report, figure, thousands},
 };
@@ -79,6 +80,27 @@ enum Command {
         /// Print JSON
         #[arg(long)]
         json: bool,
+    },
+    /// Draw a cloud: a picture in PNG
+    Render {
+        /// LAS, LAZ, COPC and PLY files, directories, patterns
+        #[arg(required = true, value_name = "CLOUD")]
+        files: Vec<PathBuf>,
+        /// The picture
+        #[arg(short, long, value_name = "FILE", default_value = "cloud.png")]
+        output: PathBuf,
+        /// top, oblique or street: from within, along the longer side
+        #[arg(long, default_value = "oblique", value_parser = by_name::<View>)]
+        view: View,
+        /// auto (colour if there is one, else height), height, intensity or class
+        #[arg(long, default_value = "auto", value_parser = by_name::<Coloring>)]
+        by: Coloring,
+        /// Pixels to the right and downwards
+        #[arg(long, value_name = "WxH", default_value = "1600x900", value_parser = pixels)]
+        size: [u32; 2],
+        /// Diameter of the points, in CRS units [default: by how dense they are]
+        #[arg(long, value_name = "LENGTH")]
+        point_size: Option<f64>,
     },
     /// Print what the headers of scans say, and what is odd about them
     Info {
@@ -193,6 +215,22 @@ fn run(command: Command) -> Result<u8, JobError> {
             memory,
             json,
         } => measure_cloud(&files, &against, truth.as_deref(), memory, json),
+        Command::Render {
+            files,
+            output,
+            view,
+            by,
+            size,
+            point_size,
+        } => {
+            let picture = Picture {
+                view,
+                coloring: by,
+                size,
+                point_size,
+            };
+            render(&files, &picture, &output).map(|()| 0)
+        }
         Command::Info { files } => print_info(&files),
         Command::Config { config, choices } => {
             describing::print_config(config.as_deref(), *choices)
@@ -202,6 +240,14 @@ fn run(command: Command) -> Result<u8, JobError> {
         Command::Simulate { street, output } => simulating::simulate(&street, &output),
         Command::Demo { output } => simulating::demo(&output),
     }
+}
+
+fn pixels(text: &str) -> Result<[u32; 2], String> {
+    let size = text.split_once('x').and_then(|(width, height)| {
+        let side = |text: &str| text.parse().ok().filter(|side| (1..=16_384).contains(side));
+        Some([side(width)?, side(height)?])
+    });
+    size.ok_or_else(|| format!("`{text}` is no size; write it like 1600x900"))
 }
 
 /// The job that flags and file describe.

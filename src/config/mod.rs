@@ -181,7 +181,11 @@ fn is_false(flag: &bool) -> bool {
 }
 
 /// Reads a choice by the name that it has in a configuration file.
-fn by_name<T: for<'a> Deserialize<'a>>(name: &str) -> Result<T, String> {
+///
+/// # Errors
+///
+/// What is wrong with the name, and which there are.
+pub fn by_name<T: for<'a> Deserialize<'a>>(name: &str) -> Result<T, String> {
     T::deserialize(serde::de::value::StrDeserializer::<serde::de::value::Error>::new(name))
         .map_err(|error| error.to_string())
 }

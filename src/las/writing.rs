@@ -288,6 +288,11 @@ impl CloudWriter {
         self.check()
     }
 
+    /// Points written so far.
+    pub fn points(&self) -> u64 {
+        self.points
+    }
+
     /// Completes the file, but for its name. `progress` hears of how many points have
     /// found their place in the octree, if it is one.
     ///

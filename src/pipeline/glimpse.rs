@@ -43,6 +43,17 @@ impl Look<'_> {
         Ok(records.map(Stored::of_record).collect())
     }
 
+    /// Calls `visit` with the record of every site.
+    pub(super) fn visit(&self, visit: &mut dyn FnMut(&[u8])) -> Result<(), JobError> {
+        for tile in &self.plan.tiles {
+            let records = self.settled.records(tile.id)?;
+            records
+                .chunks_exact(self.record_length)
+                .for_each(&mut *visit);
+        }
+        Ok(())
+    }
+
     /// The middle of `tile`; nothing if it has no site.
     pub(super) fn at_middle(&self, tile: u32) -> Result<Glimpse, JobError> {
         match middle(&self.sites(tile)?) {

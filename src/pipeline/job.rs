@@ -19,6 +19,7 @@ use super::{
     memory::{Budget, mebibytes, peak_resident},
     planning::Planning,
     provenance::{checksums, provenance},
+    rendering::{Coloring, Picture, draw},
     scattering::{input_counts, scatter_inputs},
     solving::{load, solve_tile},
     tiles::{SettledTiles, SolvedTiles},
@@ -29,7 +30,16 @@ use crate::{
     config::Settings,
     las::{CloudHeader, CloudWriter, CompleteCloud, Format, LasError, Workspace},
     lloyd::Options,
+    picture::View,
     tile::{Spill, Tile, TileError},
+};
+
+/// The picture of what came out.
+const PORTRAIT: Picture = Picture {
+    view: View::Oblique,
+    coloring: Coloring::Auto,
+    size: [1280, 640],
+    point_size: None,
 };
 
 /// A job to be done.
@@ -83,6 +93,8 @@ pub struct Outcome {
     pub bytes: u64,
     /// One place before and after.
     pub glimpse: Glimpse,
+    /// What came out, as a picture in PNG.
+    pub portrait: Vec<u8>,
     /// Figures square by square.
     pub field: Field,
     /// Where the output is least even.
@@ -478,6 +490,13 @@ impl Job {
             &mut writer,
             progress,
         )?;
+        let portrait = draw(
+            &PORTRAIT,
+            writer.points(),
+            running.transfer.record().has_color(),
+            lattice,
+            &|draw| look.visit(draw),
+        )?;
         let worst = field.worst().into_iter().map(|(delta, point)| {
             Ok(WorstPlace {
                 place: lattice.world(point),
@@ -519,6 +538,7 @@ impl Job {
             stitched,
             glimpse,
             field,
+            portrait,
             worst,
             points,
             bytes: cloud.bytes(),

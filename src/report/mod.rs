@@ -63,6 +63,9 @@ pub struct Report {
     /// One place before and after.
     #[serde(skip)]
     pub glimpse: Glimpse,
+    /// What came out, as a picture in PNG.
+    #[serde(skip)]
+    pub portrait: Vec<u8>,
     /// Figures square by square.
     #[serde(skip)]
     pub area: AreaMap,
@@ -224,6 +227,7 @@ impl Report {
             histogram_seeds: seeds.histogram(BINS, SPANNED),
             histogram: stitched.all.histogram(BINS, SPANNED),
             glimpse: outcome.glimpse.clone(),
+            portrait: outcome.portrait.clone(),
             area: area(outcome),
             worst: outcome
                 .worst

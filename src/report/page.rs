@@ -1,5 +1,7 @@
 //! The report as one page: styles and charts inside, nothing fetched.
 
+use base64::Engine;
+
 use super::{Report, SPANNED, TileRow, WorstRow, chart, figure, map, thousands, verdicts};
 use crate::{pipeline::Glimpse, quality::Uniformity};
 
@@ -28,6 +30,7 @@ canvas:focus-visible{outline:3px solid var(--output)}
 .controls label{margin-right:1.5em}select{font:inherit}
 .places{display:grid;grid-template-columns:repeat(auto-fit,minmax(17rem,1fr));gap:1rem}
 figure{margin:0;break-inside:avoid}figcaption{color:var(--soft);font-size:.9rem}
+.portrait{width:100%;height:auto;border-radius:.6rem}
 .map rect{stroke:var(--paper);stroke-width:.3%}
 @media print{body{max-width:none}}";
 
@@ -50,7 +53,7 @@ fn table(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
         .map(|row| format!("<tr>{}</tr>", cells(&row, "td")))
         .collect();
     format!(
-        "<div class=\"wide\"><table><thead><tr>{}</tr></thead><tbody>{rows}</tbody></table></div>",
+        "<div class=\"wide\" tabindex=\"0\"><table><thead><tr>{}</tr></thead><tbody>{rows}</tbody></table></div>",
         cells(&head, "th")
     )
 }
@@ -69,6 +72,7 @@ pub(super) fn page(report: &Report) -> String {
         })
         .collect();
     let sections = [
+        ("What came out", portrait(&report.portrait)),
         ("Figures", figures(report)),
         ("One place, before and after", glimpse(&report.glimpse)),
         (
@@ -170,6 +174,18 @@ fn figures(report: &Report) -> String {
             &["distance", "mean", "p99", "max", "beyond 1.5 spacings"],
             distances.into_iter(),
         )
+}
+
+/// The picture of what came out.
+fn portrait(png: &[u8]) -> String {
+    match png.is_empty() {
+        true => String::new(),
+        false => format!(
+            "<img class=\"portrait\" alt=\"the output, drawn from above and aslant\" \
+             src=\"data:image/png;base64,{}\">",
+            base64::engine::general_purpose::STANDARD.encode(png)
+        ),
+    }
 }
 
 /// The least even places, each with a picture.

@@ -1,0 +1,164 @@
+//! A frame that points are drawn on.
+
+use std::io::Write;
+
+/// Largest disc, in pixels from its middle: a point before the eye is not to hide all.
+const LARGEST: f64 = 20.0;
+/// How strongly what stands before something darkens it.
+const SHADING: f64 = 60.0;
+/// How far around a pixel is looked for what stands before it, in pixels.
+const REACH: i64 = 2;
+/// Where nothing is.
+const PAPER: [u8; 3] = [251, 251, 249];
+
+/// Colours and depths of all pixels, row by row from the upper left.
+#[derive(Clone, Debug)]
+pub struct Canvas {
+    size: [u32; 2],
+    depths: Vec<f32>,
+    colors: Vec<[u8; 3]>,
+}
+
+impl Canvas {
+    /// An empty frame of so many pixels to the right and downwards.
+    pub fn new(size: [u32; 2]) -> Self {
+        let pixels = size[0] as usize * size[1] as usize;
+        Self {
+            size,
+            depths: vec![f32::INFINITY; pixels],
+            colors: vec![PAPER; pixels],
+        }
+    }
+
+    /// Draws a disc of `radius` pixels around `place`, where nothing nearer is; of two that
+    /// are equally near the darker one is seen, whatever the order.
+    pub fn disc(&mut self, place: [f64; 2], depth: f64, radius: f64, color: [u8; 3]) {
+        let radius = radius.clamp(0.5, LARGEST);
+        let [width, height] = self.size.map(i64::from);
+        let (left, right) = range(place[0], radius, width);
+        let (top, bottom) = range(place[1], radius, height);
+        let depth = depth as f32;
+        for y in top..bottom {
+            for x in left..right {
+                let [dx, dy] = [x as f64 + 0.5 - place[0], y as f64 + 0.5 - place[1]];
+                if radius > 1.0 && dx * dx + dy * dy > radius * radius {
+                    continue;
+                }
+                let pixel = (y * width + x) as usize;
+                let known = (self.depths[pixel], self.colors[pixel]);
+                if (depth, color) < known {
+                    self.depths[pixel] = depth;
+                    self.colors[pixel] = color;
+                }
+            }
+        }
+    }
+
+    /// The share of pixels on which something was drawn.
+    pub fn covered(&self) -> f64 {
+        let drawn = self.depths.iter().filter(|depth| depth.is_finite()).count();
+        drawn as f64 / self.depths.len().max(1) as f64
+    }
+
+    /// The picture, shaded: a pixel is the darker the farther what is around it stands before
+    /// it (eye-dome lighting). Red, green, blue, row by row.
+    pub fn shaded(&self) -> Vec<u8> {
+        let [width, height] = self.size.map(i64::from);
+        let mut picture = Vec::with_capacity(3 * self.colors.len());
+        for y in 0..height {
+            for x in 0..width {
+                let pixel = (y * width + x) as usize;
+                let depth = self.depths[pixel];
+                let mut light = 1.0;
+                if depth.is_finite() {
+                    let around = (-1..=1).flat_map(|j| (-1..=1).map(move |i| (i, j)));
+                    let before: f64 = around
+                        .map(|(i, j)| {
+                            let (x, y) = (x + REACH * i, y + REACH * j);
+                            if !(0..width).contains(&x) || !(0..height).contains(&y) {
+                                return 0.0;
+                            }
+                            let other = self.depths[(y * width + x) as usize];
+                            // In shares of the distance: near and far alike.
+                            f64::from((depth / other).ln().max(0.0))
+                        })
+                        .filter(|share| share.is_finite())
+                        .sum();
+                    light = 0.25 + 0.75 * (-SHADING * before / 8.0).exp();
+                }
+                picture.extend(self.colors[pixel].map(|c| (f64::from(c) * light).round() as u8));
+            }
+        }
+        picture
+    }
+
+    /// Writes the shaded picture as PNG.
+    ///
+    /// # Errors
+    ///
+    /// If `out` takes no more.
+    pub fn write_png(&self, out: impl Write) -> std::io::Result<()> {
+        let mut encoder = png::Encoder::new(out, self.size[0], self.size[1]);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        let mut writer = encoder.write_header().map_err(std::io::Error::other)?;
+        writer
+            .write_image_data(&self.shaded())
+            .and_then(|()| writer.finish())
+            .map_err(std::io::Error::other)
+    }
+}
+
+/// Pixels that a disc around `middle` may cover.
+fn range(middle: f64, radius: f64, most: i64) -> (i64, i64) {
+    // `as` saturates, and takes what is not a number for zero.
+    let first = (middle - radius).floor() as i64;
+    let last = (middle + radius).ceil() as i64;
+    (first.clamp(0, most), last.clamp(0, most))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearer_is_seen_whatever_the_order() {
+        let discs = [
+            ([20.0, 20.0], 9.0, 6.0, [200, 0, 0]),
+            ([22.0, 20.0], 3.0, 4.0, [0, 200, 0]),
+            ([18.0, 21.0], 3.0, 4.0, [0, 0, 200]),
+            ([-3.0, 500.0], 1.0, 2.0, [9, 9, 9]),
+        ];
+        let drawn = |order: &[usize]| {
+            let mut canvas = Canvas::new([40, 30]);
+            for &i in order {
+                let (place, depth, radius, color) = discs[i];
+                canvas.disc(place, depth, radius, color);
+            }
+            canvas
+        };
+        let (forth, back) = (drawn(&[0, 1, 2, 3]), drawn(&[3, 2, 1, 0]));
+        assert_eq!(forth.colors, back.colors);
+        assert_eq!(forth.colors[20 * 40 + 20], [0, 0, 200]);
+        assert_eq!(forth.colors[20 * 40 + 24], [0, 200, 0]);
+        assert_eq!(forth.colors[15 * 40 + 20], [200, 0, 0]);
+        assert_eq!(forth.colors[0], PAPER);
+        // Behind the green disc it is darker than on it.
+        let picture = forth.shaded();
+        assert!(picture[3 * (15 * 40 + 22)] < 200);
+        assert_eq!(picture[3 * (20 * 40 + 23) + 1], 200);
+    }
+
+    #[test]
+    fn a_picture_is_a_picture() {
+        let mut file = Vec::new();
+        Canvas::new([7, 5]).write_png(&mut file).unwrap();
+        let mut reader = png::Decoder::new(std::io::Cursor::new(file))
+            .read_info()
+            .unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut pixels).unwrap();
+        assert_eq!((info.width, info.height), (7, 5));
+        assert_eq!(pixels[..3], PAPER);
+    }
+}

@@ -1,0 +1,9 @@
+//! Still pictures of clouds: points as discs, shaded by what stands before what.
+//!
+//! Nothing but the frame is held: points are drawn as they come, in any number and order.
+
+mod camera;
+mod canvas;
+
+pub use camera::{Camera, Scene, View};
+pub use canvas::Canvas;

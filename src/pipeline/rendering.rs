@@ -1,0 +1,213 @@
+//! A picture of clouds, in one pass over their points.
+
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use super::JobError;
+use crate::{
+    geometry::{Lattice, Stored, spread},
+    las::{InputFile, PointFilter, PointStream, RecordFormat, expand_inputs},
+    picture::{Camera, Canvas, Scene, View},
+};
+
+/// What points are coloured by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Coloring {
+    /// Their colour if they have one, else their height.
+    #[default]
+    Auto,
+    /// Height above the lowest.
+    Height,
+    /// Intensity.
+    Intensity,
+    /// Class.
+    Class,
+}
+
+/// How a picture is made.
+#[derive(Clone, Copy, Debug)]
+pub struct Picture {
+    /// Where it is taken from.
+    pub view: View,
+    /// What points are coloured by.
+    pub coloring: Coloring,
+    /// Pixels to the right and downwards.
+    pub size: [u32; 2],
+    /// Diameter of the points (CRS units); `None`: by how dense they are.
+    pub point_size: Option<f64>,
+}
+
+/// Points that are looked at to find out where most are.
+const SAMPLED: u64 = 200_000;
+/// Of those, the share that is left out at either end of an axis: strays.
+const STRAY: f64 = 0.002;
+
+/// Draws the points of `files`, and writes a picture in PNG to `output`.
+///
+/// # Errors
+///
+/// If a file cannot be read, or the picture not be written.
+pub fn render(files: &[PathBuf], picture: &Picture, output: &Path) -> Result<(), JobError> {
+    let inputs = expand_inputs(files)?
+        .iter()
+        .map(|path| InputFile::survey(path))
+        .collect::<Result<Vec<InputFile>, _>>()?;
+    let record = RecordFormat::for_inputs(&inputs)?;
+    let lattice = lattice(&inputs);
+    let count = inputs.iter().map(|input| input.points_claimed).sum();
+    let visit = |draw: &mut dyn FnMut(&[u8])| visit(&inputs, &record, lattice, draw);
+    let content = draw(picture, count, record.has_color(), &lattice, &visit)?;
+    if content.is_empty() {
+        return Err(JobError::Refused("there is no point to be drawn".into()));
+    }
+    write_file(output, &content).map_err(|e| JobError::io("write", output, e))
+}
+
+/// Calls its argument with every record.
+pub(super) type Visit<'a> = dyn Fn(&mut dyn FnMut(&[u8])) -> Result<(), JobError> + 'a;
+
+/// A picture, in PNG, of the `count` points that `visit` goes through, twice; nothing if
+/// there are none.
+pub(super) fn draw(
+    picture: &Picture,
+    count: u64,
+    has_color: bool,
+    lattice: &Lattice,
+    visit: &Visit<'_>,
+) -> Result<Vec<u8>, JobError> {
+    let threshold = (u64::MAX / count.max(1)).saturating_mul(SAMPLED);
+    let mut sample = Sample::default();
+    visit(&mut |record| {
+        let point = Stored::of_record(record);
+        let [x, y, z] = [point.x, point.y, point.z].map(|c| u64::from(c as u32));
+        if count <= SAMPLED || spread(spread(x << 32 | y) ^ z) <= threshold {
+            sample.add(lattice.world(point), record, has_color);
+        }
+    })?;
+    sample.intensities.sort_unstable();
+    let Some(scene) = Scene::of(&sample.places, STRAY) else {
+        return Ok(Vec::new());
+    };
+    let Scene { min, max, .. } = scene;
+    let camera = Camera::new(picture.view, &scene, picture.size);
+    let ground = (max[0] - min[0]) * (max[1] - min[1]);
+    let diameter = picture
+        .point_size
+        .unwrap_or_else(|| (ground / count as f64).sqrt());
+    let mut canvas = Canvas::new(picture.size);
+    let coloring = match picture.coloring {
+        Coloring::Auto if sample.brightest == 0 => Coloring::Height,
+        coloring => coloring,
+    };
+    visit(&mut |record| {
+        let place = lattice.world(Stored::of_record(record));
+        if let Some((at, depth, scale)) = camera.project(place) {
+            let height = (place[2] - min[2]) / (max[2] - min[2]).max(1e-9);
+            let color = sample.color(coloring, record, height);
+            canvas.disc(at, depth, 0.5 * diameter * scale, color);
+        }
+    })?;
+    let mut content = Vec::new();
+    let written = canvas.write_png(&mut content);
+    written.map_err(|e| JobError::io("write", Path::new("the picture"), e))?;
+    Ok(content)
+}
+
+fn write_file(path: &Path, content: &[u8]) -> std::io::Result<()> {
+    let mut part = path.to_owned().into_os_string();
+    part.push(".part");
+    std::fs::write(&part, content)?;
+    std::fs::rename(&part, path)
+}
+
+/// The finest scale of `inputs`, around all of them.
+fn lattice(inputs: &[InputFile]) -> Lattice {
+    let side = |corner: usize, axis: usize, of: fn(f64, f64) -> f64| {
+        let sides = inputs.iter().map(|input| input.bounds[corner][axis]);
+        sides.reduce(of).unwrap_or(0.0)
+    };
+    let min = [0, 1, 2].map(|axis| side(0, axis, f64::min));
+    let max = [0, 1, 2].map(|axis| side(1, axis, f64::max));
+    let scales = inputs.iter().flat_map(|input| input.scale);
+    Lattice::around(min, max, scales.fold(f64::INFINITY, f64::min))
+}
+
+/// Calls `draw` with every record of `inputs`.
+fn visit(
+    inputs: &[InputFile],
+    record: &RecordFormat,
+    lattice: Lattice,
+    draw: &mut dyn FnMut(&[u8]),
+) -> Result<(), JobError> {
+    let mut records = Vec::new();
+    for input in inputs {
+        let (all, filter) = (0..input.points_claimed, PointFilter::default());
+        let mut stream = PointStream::open(input, all, record, lattice, &filter)?;
+        while stream.next_batch(&mut records)?.read > 0 {
+            records
+                .chunks_exact(record.record_length())
+                .for_each(&mut *draw);
+        }
+    }
+    Ok(())
+}
+
+/// What is known of a sample of the points.
+#[derive(Default)]
+struct Sample {
+    places: Vec<[f64; 3]>,
+    brightest: u16,
+    /// Sorted, once all are there.
+    intensities: Vec<u16>,
+}
+
+impl Sample {
+    fn add(&mut self, place: [f64; 3], record: &[u8], has_color: bool) {
+        self.places.push(place);
+        self.intensities.push(word(record, 12));
+        if has_color {
+            let brightest = [30, 32, 34].map(|at| word(record, at)).into_iter().max();
+            self.brightest = self.brightest.max(brightest.unwrap_or(0));
+        }
+    }
+
+    fn color(&self, coloring: Coloring, record: &[u8], height: f64) -> [u8; 3] {
+        match coloring {
+            Coloring::Auto => {
+                // Some write eight bits of colour into sixteen.
+                let shift = if self.brightest > 255 { 8 } else { 0 };
+                [30, 32, 34].map(|at| (word(record, at) >> shift) as u8)
+            }
+            Coloring::Height => ramp(height),
+            Coloring::Intensity => {
+                let rank = self.intensities.partition_point(|&i| i < word(record, 12));
+                let share = rank as f64 / self.intensities.len().max(1) as f64;
+                [(40.0 + 200.0 * share) as u8; 3]
+            }
+            Coloring::Class => {
+                let hue = spread(record[16].into()).to_le_bytes();
+                [0, 1, 2].map(|c| 60 + (hue[c] >> 1) + (hue[c] >> 3))
+            }
+        }
+    }
+}
+
+fn word(record: &[u8], at: usize) -> u16 {
+    u16::from_le_bytes([record[at], record[at + 1]])
+}
+
+/// From blue over green to yellow.
+fn ramp(share: f64) -> [u8; 3] {
+    const STOPS: [[f64; 3]; 4] = [
+        [45.0, 75.0, 140.0],
+        [45.0, 140.0, 150.0],
+        [110.0, 180.0, 110.0],
+        [240.0, 210.0, 80.0],
+    ];
+    let place = share.clamp(0.0, 1.0) * 3.0;
+    let low = (place as usize).min(2);
+    let part = place - low as f64;
+    [0, 1, 2].map(|c| (STOPS[low][c] + part * (STOPS[low + 1][c] - STOPS[low][c])) as u8)
+}
