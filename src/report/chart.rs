@@ -114,7 +114,7 @@ pub(super) fn before_and_after(glimpse: &Glimpse) -> String {
                     west + x * scale,
                     panel - y * scale,
                     240.0 - 190.0 * share,
-                    35.0 + 25.0 * share,
+                    45.0 + 20.0 * share,
                 )
             })
             .collect()
