@@ -47,3 +47,8 @@ pub mod quality;
 pub mod report;
 pub mod simulate;
 pub mod tile;
+
+/// The example of the tour is compiled.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/TOUR.md")]
+struct Tour;

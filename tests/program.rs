@@ -101,7 +101,13 @@ fn cells_are_more_even_than_the_seeds_and_points_lie_on_the_street() {
     let mean = measured["truth"]["mean"].as_f64().unwrap();
     assert!(mean < 0.01, "{mean}");
     let html = fs::read_to_string(format!("{}.report.html", output.display())).unwrap();
-    assert!(html.contains("seamless?") && !html.contains("NaN") && !html.contains("src="));
+    assert!(html.contains("seamless?") && !html.contains(">NaN"));
+    // Nothing is fetched.
+    assert!(
+        html.split("src=\"")
+            .skip(1)
+            .all(|source| source.starts_with("data:"))
+    );
 }
 
 #[test]
@@ -324,6 +330,13 @@ fn plan_measure_and_info_print_their_figures() {
     close("energy_ratio", 0.05);
     let info = lloydar(&["info", text(&output)]);
     assert!(String::from_utf8_lossy(&info.stdout).contains("LAS 1.4, format 7"));
+    let info = lloydar(&["info", text(&output), "--json"]);
+    let info: serde_json::Value = serde_json::from_slice(&info.stdout).unwrap();
+    assert_eq!(info["points"], told["points"]);
+    assert_eq!(
+        (&info["kind"], &info["metres_per_unit"]),
+        (&"LAS".into(), &1.0.into())
+    );
 }
 
 #[test]

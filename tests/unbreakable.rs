@@ -417,9 +417,12 @@ fn mutated_scans_are_answered() {
     let tries: usize = std::env::var("LLOYDAR_MUTATIONS").map_or(60, |n| n.parse().unwrap());
     let dir = tempfile::tempdir().unwrap();
     let scans = street(dir.path());
-    let whole = dir.path().join("whole.las");
-    succeed(&scans, &whole, &["--spacing", "0.6"]);
-    let mut files: Vec<PathBuf> = vec![scans.join("pass-1.laz"), whole];
+    let mut files: Vec<PathBuf> = vec![scans.join("pass-1.laz")];
+    for name in ["whole.las", "whole.copc.laz", "whole.ply"] {
+        let whole = dir.path().join(name);
+        succeed(&scans, &whole, &["--spacing", "0.6"]);
+        files.push(whole);
+    }
     match std::env::var_os("LLOYDAR_SCANS") {
         Some(folder) => files.extend(small_scans(Path::new(&folder))),
         None => eprintln!("SKIPPED: real scans to mutate, for want of a folder (LLOYDAR_SCANS)"),

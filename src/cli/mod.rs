@@ -107,6 +107,9 @@ enum Command {
         /// LAS, LAZ, COPC and PLY files, directories of LAS and LAZ, patterns
         #[arg(required = true, value_name = "INPUT")]
         files: Vec<PathBuf>,
+        /// Print JSON, one line a file
+        #[arg(long)]
+        json: bool,
     },
     /// Write a simulated mobile-mapping street, one file a pass
     Simulate {
@@ -231,7 +234,7 @@ fn run(command: Command) -> Result<u8, JobError> {
             };
             render(&files, &picture, &output).map(|()| 0)
         }
-        Command::Info { files } => print_info(&files),
+        Command::Info { files, json } => print_info(&files, json),
         Command::Config { config, choices } => {
             describing::print_config(config.as_deref(), *choices)
         }
@@ -428,11 +431,12 @@ fn measure_cloud(
     Ok(0)
 }
 
-fn print_info(files: &[PathBuf]) -> Result<u8, JobError> {
+fn print_info(files: &[PathBuf], json: bool) -> Result<u8, JobError> {
     let paths = expand_inputs(files)?;
     let mut code = 0;
     for path in paths {
         match InputFile::survey(&path) {
+            Ok(input) if json => result!("{}", described(&input)),
             Ok(input) => print_input(&input),
             Err(error) => {
                 say!("lloydar: {error}");
@@ -441,6 +445,32 @@ fn print_info(files: &[PathBuf]) -> Result<u8, JobError> {
         }
     }
     Ok(code)
+}
+
+/// What the headers of a file say, for machines.
+fn described(input: &InputFile) -> serde_json::Value {
+    let extra = input.extra_bytes.iter().map(|extra| {
+        let (name, bytes) = (&extra.name, extra.length);
+        serde_json::json!({ "name": name, "bytes": bytes })
+    });
+    serde_json::json!({
+        "file": input.path,
+        "kind": input.kind(),
+        "version": input.version,
+        "format": input.format_number(),
+        "bytes": input.bytes,
+        "points": input.points_claimed,
+        "min": input.bounds[0],
+        "max": input.bounds[1],
+        "scale": input.scale,
+        "offset": input.offset,
+        "crs": input.crs.as_ref().map(lloydar::las::Crs::name),
+        "metres_per_unit": input.crs.as_ref().and_then(lloydar::las::Crs::metres_per_unit),
+        "has_standard_time": input.has_standard_time,
+        "generating_software": input.generating_software,
+        "extra_bytes": extra.collect::<Vec<_>>(),
+        "notes": input.notes,
+    })
 }
 
 fn print_input(input: &InputFile) {

@@ -14,6 +14,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::spread;
+
 /// CRS units from the lattice's offset.
 pub type Local = nalgebra::Vector3<f64>;
 
@@ -31,6 +33,12 @@ pub struct Stored {
 }
 
 impl Stored {
+    /// A number that is this place's alone, as good as drawn by lot.
+    pub fn lot(&self) -> u64 {
+        let [x, y, z] = [self.x, self.y, self.z].map(|c| u64::from(c as u32));
+        spread(spread(x << 32 | y) ^ z)
+    }
+
     /// The point that begins `record`: x, y, z, little endian.
     ///
     /// # Panics

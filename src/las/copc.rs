@@ -12,7 +12,6 @@
 use std::{
     collections::{BTreeMap, BTreeSet},
     io::{self, Cursor, Seek, SeekFrom, Write},
-    path::PathBuf,
 };
 
 use ::las::Vlr;
@@ -30,21 +29,6 @@ use crate::{
     geometry::{Lattice, Rect, Stored},
     tile::{Spill, TileError},
 };
-
-/// What a writer that has to sort its points goes by.
-#[derive(Clone, Debug)]
-pub struct Workspace {
-    /// How far points are apart, about (CRS units).
-    pub spacing: f64,
-    /// Edge of the tiles, if they are asked for (CRS units).
-    pub tile_edge: f64,
-    /// Path of temporary files, without their endings.
-    pub stem: PathBuf,
-    /// Memory for buffers while points come in, in bytes.
-    pub buffer_bytes: usize,
-    /// Memory for what is sorted, in bytes.
-    pub sort_bytes: usize,
-}
 
 /// Length of the record that describes the octree, and of its header.
 pub(super) const INFO_BYTES: usize = 160;

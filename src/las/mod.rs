@@ -25,7 +25,6 @@ mod tiled;
 mod writing;
 
 pub use ::las::Vlr;
-pub use copc::Workspace;
 pub use crs::Crs;
 pub use filter::{Ground, PointFilter};
 pub use guard::is_decoding;
@@ -34,7 +33,7 @@ pub use ply::{PlyFile, PlyStream};
 pub use reading::{InputFile, PointStream};
 pub(crate) use record::move_to;
 pub use record::{ExtraByte, RecordFormat};
-pub use writing::{CloudHeader, CloudWriter, CompleteCloud, Format};
+pub use writing::{CloudHeader, CloudWriter, CompleteCloud, Format, Workspace};
 
 use std::path::Path;
 

@@ -2,13 +2,13 @@
 //!
 //! A node at level *l* is a cube, cut into equal voxels along its edges; both are half
 //! as wide at the next level. At every level each voxel keeps one of the points that no
-//! level before has kept: the one with the highest priority, a hash of its place. So every
+//! level before has kept: the one with the highest lot. So every
 //! level is twice as dense along an edge as the one before, the choice of a voxel needs no
 //! more than the points in it, and a node with points below it has points itself (some
 //! readers turn back at a node without).
 
 use crate::{
-    geometry::{Rect, Stored, spread},
+    geometry::{Rect, Stored},
     tile::Bounds,
 };
 
@@ -146,7 +146,7 @@ impl Octree {
     fn choose(&self, points: &[(u64, Stored)], level: u32, levels: &mut [u8]) {
         let best = (0..points.len())
             .filter(|&i| levels[i] == u8::MAX)
-            .max_by_key(|&i| (priority(points[i].1), points[i].1));
+            .max_by_key(|&i| (points[i].1.lot(), points[i].1));
         let Some(best) = best else {
             return;
         };
@@ -166,11 +166,6 @@ impl Octree {
             start = end;
         }
     }
-}
-
-fn priority(point: Stored) -> u64 {
-    let [x, y, z] = [point.x, point.y, point.z].map(|c| u64::from(c as u32));
-    spread(spread(x << 32 | y) ^ z)
 }
 
 /// The lowest 21 bits of `value`, each followed by two zeros.
@@ -198,6 +193,7 @@ mod tests {
     use std::collections::{HashMap, HashSet};
 
     use super::*;
+    use crate::geometry::spread;
 
     fn cloud(n: u64) -> Vec<Stored> {
         let c = |i: u64, k: u64| (spread(3 * i + k) % 4000) as i32 - 1700;
@@ -247,7 +243,7 @@ mod tests {
             let mut best = HashMap::<u64, usize>::new();
             for &i in &left {
                 let voxel = points[i].0 >> (3 * (octree.deepest - level));
-                let rank = |i: usize| (priority(points[i].1), points[i].1);
+                let rank = |i: usize| (points[i].1.lot(), points[i].1);
                 let kept = best.entry(voxel).or_insert(i);
                 if rank(i) > rank(*kept) {
                     *kept = i;

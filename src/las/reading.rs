@@ -228,6 +228,20 @@ impl InputFile {
         Ok(input)
     }
 
+    /// A lattice for the points of all `inputs`, as fine as the finest of theirs.
+    pub(crate) fn common_lattice<'a>(inputs: impl Iterator<Item = &'a Self>) -> Lattice {
+        let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        let mut scale = f64::INFINITY;
+        for input in inputs {
+            for axis in 0..3 {
+                min[axis] = min[axis].min(input.bounds[0][axis]);
+                max[axis] = max[axis].max(input.bounds[1][axis]);
+                scale = scale.min(input.scale[axis]);
+            }
+        }
+        Lattice::around(min, max, scale)
+    }
+
     /// Its chunks, if they differ in length.
     pub(super) fn chunks(&self) -> Option<&[Chunk]> {
         match &self.access {

@@ -16,7 +16,7 @@ use ::las::{
 };
 
 use super::{
-    Crs, LasError, RecordFormat, Workspace,
+    Crs, LasError, RecordFormat,
     copc::{first_records, write_octree},
     ply_writing::Vertices,
     tiled::{holds_tiles, write_tiles},
@@ -80,6 +80,21 @@ impl Format {
             false => Ok(()),
         }
     }
+}
+
+/// What a writer that has to sort its points goes by.
+#[derive(Clone, Debug)]
+pub struct Workspace {
+    /// How far points are apart, about (CRS units).
+    pub spacing: f64,
+    /// Edge of the tiles, if they are asked for (CRS units).
+    pub tile_edge: f64,
+    /// Path of temporary files, without their endings.
+    pub stem: PathBuf,
+    /// Memory for buffers while points come in, in bytes.
+    pub buffer_bytes: usize,
+    /// Memory for what is sorted, in bytes.
+    pub sort_bytes: usize,
 }
 
 /// What the header of an output says.

@@ -2,7 +2,7 @@
 
 use super::{JobError, tiles::SettledTiles};
 use crate::{
-    geometry::{Lattice, Rect, Stored, spread},
+    geometry::{Lattice, Rect, Stored},
     tile::{Plan, Spill},
 };
 
@@ -82,8 +82,7 @@ impl Look<'_> {
         let mut before = Vec::new();
         spill.gather(&square, |record| {
             let point = Stored::of_record(record);
-            let [x, y, z] = [point.x, point.y, point.z].map(|c| u64::from(c as u32));
-            if spread(spread(x << 32 | y) ^ z) <= threshold {
+            if point.lot() <= threshold {
                 before.push(point);
             }
         })?;

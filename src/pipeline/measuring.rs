@@ -165,7 +165,7 @@ pub fn measure_against_surface(
     let mut tally = DistanceTally::new(spacing);
     for path in expand_inputs(files)? {
         let marked = [(Mark::Cloud, InputFile::survey(&path)?)];
-        let lattice = lattice(&marked);
+        let lattice = InputFile::common_lattice(marked.iter().map(|(_, file)| file));
         let wrong = |e: SourceError| JobError::Tile(TileError::Sources(vec![(0, e)]));
         let mut source = Marked::open(&marked[0].1, Mark::Cloud, lattice).map_err(wrong)?;
         let mut records = Vec::new();
@@ -178,27 +178,12 @@ pub fn measure_against_surface(
     Ok(tally.figures())
 }
 
-/// The lattice of all `files`: the finest of theirs.
-fn lattice(files: &[(Mark, InputFile)]) -> Lattice {
-    let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-    for (_, file) in files {
-        let [min, max] = file.bounds;
-        for axis in 0..3 {
-            bounds[0][axis] = bounds[0][axis].min(min[axis]);
-            bounds[1][axis] = bounds[1][axis].max(max[axis]);
-        }
-    }
-    let [min, max] = bounds;
-    let scales = files.iter().flat_map(|(_, file)| file.scale);
-    Lattice::around(min, max, scales.fold(f64::INFINITY, f64::min))
-}
-
 fn measure_in(
     files: &[(Mark, InputFile)],
     dir: &Path,
     budget: &Budget,
 ) -> Result<Measured, JobError> {
-    let lattice = lattice(files);
+    let lattice = InputFile::common_lattice(files.iter().map(|(_, file)| file));
     let sources: Vec<Opener<'_>> = files
         .iter()
         .map(|(mark, file)| Box::new(move |_| Marked::open(file, *mark, lattice)) as Opener<'_>)

@@ -55,7 +55,7 @@ pub fn render(files: &[PathBuf], picture: &Picture, output: &Path) -> Result<(),
         .map(|path| InputFile::survey(path))
         .collect::<Result<Vec<InputFile>, _>>()?;
     let record = RecordFormat::for_inputs(&inputs)?;
-    let lattice = lattice(&inputs);
+    let lattice = InputFile::common_lattice(inputs.iter());
     let count = inputs.iter().map(|input| input.points_claimed).sum();
     let visit = |draw: &mut dyn FnMut(&[u8])| visit(&inputs, &record, lattice, draw);
     let content = draw(picture, count, record.has_color(), &lattice, &visit)?;
@@ -81,8 +81,7 @@ pub(super) fn draw(
     let mut sample = Sample::default();
     visit(&mut |record| {
         let point = Stored::of_record(record);
-        let [x, y, z] = [point.x, point.y, point.z].map(|c| u64::from(c as u32));
-        if count <= SAMPLED || spread(spread(x << 32 | y) ^ z) <= threshold {
+        if count <= SAMPLED || point.lot() <= threshold {
             sample.add(lattice.world(point), record, has_color);
         }
     })?;
@@ -120,18 +119,6 @@ fn write_file(path: &Path, content: &[u8]) -> std::io::Result<()> {
     part.push(".part");
     std::fs::write(&part, content)?;
     std::fs::rename(&part, path)
-}
-
-/// The finest scale of `inputs`, around all of them.
-fn lattice(inputs: &[InputFile]) -> Lattice {
-    let side = |corner: usize, axis: usize, of: fn(f64, f64) -> f64| {
-        let sides = inputs.iter().map(|input| input.bounds[corner][axis]);
-        sides.reduce(of).unwrap_or(0.0)
-    };
-    let min = [0, 1, 2].map(|axis| side(0, axis, f64::min));
-    let max = [0, 1, 2].map(|axis| side(1, axis, f64::max));
-    let scales = inputs.iter().flat_map(|input| input.scale);
-    Lattice::around(min, max, scales.fold(f64::INFINITY, f64::min))
 }
 
 /// Calls `draw` with every record of `inputs`.
