@@ -135,31 +135,18 @@ pub(super) fn write_octree<W: Write + Seek + Send>(
         let mut complete = BTreeMap::<NodeKey, Vec<u8>>::new();
         let records = gathered(spill, &ground)?;
         let length = spill.record_length();
-        let mut order: Vec<(u64, Stored, u32)> = records
-            .par_chunks_exact(length)
-            .zip(0..records.len() as u32)
-            .map(|(record, index)| {
-                let point = Stored::of_record(record);
-                (octree.voxel_key(point), point, index)
-            })
-            .collect();
-        let record = |index: u32| &records[index as usize * length..][..length];
-        // Points at one place in an order that is theirs alone.
-        order.par_sort_unstable_by(|a, b| {
-            (a.0, a.1)
-                .cmp(&(b.0, b.1))
-                .then_with(|| record(a.2).cmp(record(b.2)))
-        });
-        let points: Vec<(u64, Stored)> = order.iter().map(|&(key, p, _)| (key, p)).collect();
-        for (&(key, _, index), chosen) in order.iter().zip(octree.levels(&points)) {
+        let sorted = by_voxel(&octree, &records, length);
+        let points: Vec<(u64, Stored)> = sorted.iter().map(|&(key, p, _)| (key, p)).collect();
+        for (&(key, _, number), chosen) in sorted.iter().zip(octree.levels(&points)) {
             let node = octree.node(key, chosen.into());
             let nodes = match open.get_mut(usize::from(chosen)) {
                 Some(open) => open,
                 None => &mut complete,
             };
-            nodes.entry(node).or_default().extend(record(index));
+            let record = &records[number as usize * length..][..length];
+            nodes.entry(node).or_default().extend(record);
         }
-        drop((records, order, points));
+        drop((records, sorted, points));
         nodes.add(complete)?;
         progress(nodes.taken() - told);
         told = nodes.taken();
@@ -168,6 +155,11 @@ pub(super) fn write_octree<W: Write + Seek + Send>(
         nodes.add(open)?;
     }
     progress(nodes.taken() - told);
+    if nodes.taken() != spill.points() {
+        let (taken, points) = (nodes.taken(), spill.points());
+        let lost = format!("{taken} of {points} points have a node; please report this");
+        return Err(io::Error::other(lost).into());
+    }
     let table_at = nodes.finish(&octree, lattice)?;
     Ok((nodes.file, table_at))
 }
@@ -219,6 +211,28 @@ fn in_depth(a: [u32; 2], b: [u32; 2]) -> std::cmp::Ordering {
         true => a[1].cmp(&b[1]),
         false => a[0].cmp(&b[0]),
     }
+}
+
+/// The points of `records` with their voxel and their number, sorted by voxel, and those
+/// of one place in an order that is theirs alone.
+fn by_voxel(octree: &Octree, records: &[u8], length: usize) -> Vec<(u64, Stored, u32)> {
+    // So many points of one column as numbers have bits are in no memory.
+    let count = (records.len() / length) as u32;
+    let mut sorted: Vec<(u64, Stored, u32)> = records
+        .par_chunks_exact(length)
+        .zip(0..count)
+        .map(|(record, number)| {
+            let point = Stored::of_record(record);
+            (octree.voxel_key(point), point, number)
+        })
+        .collect();
+    let record = |number: u32| &records[number as usize * length..][..length];
+    sorted.par_sort_unstable_by(|a, b| {
+        (a.0, a.1)
+            .cmp(&(b.0, b.1))
+            .then_with(|| record(a.2).cmp(record(b.2)))
+    });
+    sorted
 }
 
 fn gathered(spill: &Spill, ground: &Rect) -> Result<Vec<u8>, TileError> {

@@ -34,7 +34,7 @@ pub(super) fn write_tiles(
         scale: header.lattice.scale,
         offset: header.lattice.offset,
     };
-    let mut bytes = 0;
+    let (mut bytes, mut points) = (0, 0);
     let mut features = Vec::new();
     for square in squares.occupied(spill) {
         let corner = square.map(|place| decimal(place as f64 * squares.edge));
@@ -67,6 +67,7 @@ pub(super) fn write_tiles(
         }
         progress(cloud.points());
         bytes += cloud.bytes();
+        points += cloud.points();
         let [low, high] = heights.map(|z| header.lattice.offset[2] + f64::from(z) * squares.scale);
         features.push(json!({
             "type": "Feature",
@@ -77,6 +78,13 @@ pub(super) fn write_tiles(
             "geometry": { "type": "Polygon", "coordinates": [squares.outline(square)] },
         }));
         cloud.deliver()?;
+    }
+    if points != spill.points() {
+        let lost = format!(
+            "{points} of {} points have a tile; please report this",
+            spill.points()
+        );
+        return Err(LasError::new(dir, lost));
     }
     let index = json!({
         "type": "FeatureCollection",
