@@ -19,7 +19,7 @@ use lloydar::{
     picture::View,
     pipeline::{
         Coloring, InputCount, Job, JobError, JobPlan, Picture, Quiet, default_directory, measure,
-        measure_against_surface, render,
+        measure_against_surface, render, write_file,
     },
     report::{Report, figure, thousands},
 };
@@ -348,19 +348,9 @@ fn settings(job: &Job) -> Vec<(String, String)> {
 /// Writes the report beside the output, complete or not at all.
 fn write_report(job: &Job, report: &Report) -> Result<(), JobError> {
     for (ending, text) in [("json", report.to_json()), ("html", report.to_html())] {
-        let beside = |ending: String| {
-            let mut name = job.output.clone().into_os_string();
-            name.push(ending);
-            PathBuf::from(name)
-        };
-        let path = beside(format!(".report.{ending}"));
-        let part = beside(format!(".report.{ending}.part"));
-        let written = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, &path));
-        written.map_err(|source| JobError::Io {
-            action: "write",
-            path: path.display().to_string(),
-            source,
-        })?;
+        let mut path = job.output.clone().into_os_string();
+        path.push(format!(".report.{ending}"));
+        write_file(Path::new(&path), text.as_bytes())?;
     }
     Ok(())
 }

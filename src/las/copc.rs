@@ -82,7 +82,12 @@ pub(super) enum CopcError {
 /// A file whose nodes are being written.
 struct Nodes<W> {
     file: W,
+    /// Where the table of chunks is said to be; the chunks follow.
+    start: u64,
+    /// Where the next chunk goes.
     at: u64,
+    /// Points in the nodes so far.
+    points: u64,
     compression: LazVlr,
     record_length: usize,
     entries: BTreeMap<NodeKey, Entry>,
@@ -148,15 +153,15 @@ pub(super) fn write_octree<W: Write + Seek + Send>(
         }
         drop((records, sorted, points));
         nodes.add(complete)?;
-        progress(nodes.taken() - told);
-        told = nodes.taken();
+        progress(nodes.points - told);
+        told = nodes.points;
     }
     for open in open {
         nodes.add(open)?;
     }
-    progress(nodes.taken() - told);
-    if nodes.taken() != spill.points() {
-        let (taken, points) = (nodes.taken(), spill.points());
+    progress(nodes.points - told);
+    if nodes.points != spill.points() {
+        let (taken, points) = (nodes.points, spill.points());
         let lost = format!("{taken} of {points} points have a node; please report this");
         return Err(io::Error::other(lost).into());
     }
@@ -252,6 +257,8 @@ impl<W: Write + Seek + Send> Nodes<W> {
         file.write_all(&[0; ChunkTable::OFFSET_SIZE])?;
         Ok(Self {
             file,
+            start,
+            points: 0,
             at: start + ChunkTable::OFFSET_SIZE as u64,
             compression,
             record_length,
@@ -259,11 +266,6 @@ impl<W: Write + Seek + Send> Nodes<W> {
             chunks: ChunkTable::default(),
             times: [f64::INFINITY, f64::NEG_INFINITY],
         })
-    }
-
-    /// Points in the nodes so far.
-    fn taken(&self) -> u64 {
-        self.entries.values().map(|entry| entry.points as u64).sum()
     }
 
     /// Adds `nodes`, each with all of its records.
@@ -293,6 +295,7 @@ impl<W: Write + Seek + Send> Nodes<W> {
                 byte_count: chunk.len() as u64,
             });
             self.at += chunk.len() as u64;
+            self.points += points as u64;
             self.times[0] = self.times[0].min(times[0]);
             self.times[1] = self.times[1].max(times[1]);
         }
@@ -301,10 +304,9 @@ impl<W: Write + Seek + Send> Nodes<W> {
 
     /// Writes the table of chunks, the table of nodes, and what the file says of them.
     fn finish(&mut self, octree: &Octree, lattice: &Lattice) -> io::Result<u64> {
-        let points_at = self.at - self.chunks_bytes() - ChunkTable::OFFSET_SIZE as u64;
         self.chunks.write_to(&mut self.file, &self.compression)?;
         let table_at = self.file.stream_position()?;
-        self.file.seek(SeekFrom::Start(points_at))?;
+        self.file.seek(SeekFrom::Start(self.start))?;
         self.file.write_all(&self.at.to_le_bytes())?;
 
         let mut table = Vec::new();
@@ -345,10 +347,6 @@ impl<W: Write + Seek + Send> Nodes<W> {
         self.file.seek(SeekFrom::Start(INFO_AT))?;
         self.file.write_all(&info)?;
         Ok(table_at)
-    }
-
-    fn chunks_bytes(&self) -> u64 {
-        self.entries.values().map(|entry| entry.bytes as u64).sum()
     }
 }
 

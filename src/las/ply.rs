@@ -11,7 +11,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::{Crs, ExtraByte, LasError};
+use super::{Crs, ExtraByte, LasError, record::standard_length};
 
 /// A polygon file whose header was read.
 #[derive(Clone, Debug)]
@@ -434,7 +434,7 @@ impl PlyLayout {
             (false, false) => 6,
         };
         let mut extra_bytes = Vec::new();
-        let mut end = [30, 36, 38][usize::from(point_format) - 6];
+        let mut end = standard_length(point_format);
         let mut places = [0; 3];
         let mut fields = Vec::new();
         for (column, (name, kind)) in properties.iter().enumerate() {
@@ -492,7 +492,7 @@ impl PlyLayout {
     ) -> bool {
         let start = records.len();
         let extra: usize = self.extra_bytes.iter().map(|extra| extra.length).sum();
-        let standard = [30, 36, 38][usize::from(self.point_format) - 6];
+        let standard = standard_length(self.point_format);
         records.resize(start + standard + extra, 0);
         let record = &mut records[start..];
         for axis in 0..3 {

@@ -163,7 +163,7 @@ impl RecordFormat {
     pub(crate) fn add_real(&mut self, name: &str, description: &str) -> usize {
         const REAL: u8 = 9;
         let mut at = self.standard_length();
-        for known in self.extra_bytes.iter().filter(|e| !e.descriptor.is_empty()) {
+        for known in self.described() {
             if known.name == name && known.descriptor[2] == REAL {
                 return at;
             }
@@ -172,24 +172,25 @@ impl RecordFormat {
         let mut added = ExtraByte::named(name, REAL);
         let text = description.as_bytes();
         added.descriptor[160..160 + text.len()].copy_from_slice(text);
-        let described = self.extra_bytes.iter().filter(|e| !e.descriptor.is_empty());
-        self.extra_bytes.insert(described.count(), added);
+        self.extra_bytes.insert(self.described().count(), added);
         at
+    }
+
+    /// The extra bytes that a record describes.
+    fn described(&self) -> impl Iterator<Item = &ExtraByte> {
+        let is_described = |extra: &&ExtraByte| !extra.descriptor.is_empty();
+        self.extra_bytes.iter().filter(is_described)
     }
 
     /// Length of what comes before the bytes that nothing describes.
     pub(crate) fn described_length(&self) -> usize {
-        let described = self.extra_bytes.iter().filter(|e| !e.descriptor.is_empty());
-        self.standard_length() + described.map(|extra| extra.length).sum::<usize>()
+        let lengths = self.described().map(|extra| extra.length);
+        self.standard_length() + lengths.sum::<usize>()
     }
 
     /// Length of the standard part of a record in bytes.
     pub(crate) fn standard_length(&self) -> usize {
-        match self.point_format {
-            6 => 30,
-            7 => 36,
-            _ => 38,
-        }
+        standard_length(self.point_format)
     }
 
     /// Length of the extra bytes of a record.
@@ -205,6 +206,15 @@ impl RecordFormat {
     /// Whether records have colour.
     pub fn has_color(&self) -> bool {
         self.point_format >= 7
+    }
+}
+
+/// Length of a record of `point_format` (6, 7 or 8) without extra bytes.
+pub(super) fn standard_length(point_format: u8) -> usize {
+    match point_format {
+        6 => 30,
+        7 => 36,
+        _ => 38,
     }
 }
 

@@ -50,6 +50,19 @@ pub(super) fn check_room(needs: &[Need<'_>]) -> Result<(), JobError> {
     Ok(())
 }
 
+/// Writes the file at `path`, complete under its name or not there.
+///
+/// # Errors
+///
+/// [`JobError::Io`] if it cannot be written.
+pub fn write_file(path: &Path, content: &[u8]) -> Result<(), JobError> {
+    let mut part = path.to_owned().into_os_string();
+    part.push(".part");
+    std::fs::write(&part, content)
+        .and_then(|()| std::fs::rename(&part, path))
+        .map_err(|e| JobError::io("write", path, e))
+}
+
 /// The directory that a file at `path` lies in.
 pub(super) fn directory_of(path: &Path) -> PathBuf {
     match path.parent() {

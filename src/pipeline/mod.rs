@@ -29,6 +29,7 @@ mod transfer;
 mod writing;
 
 pub use directory::default_directory;
+pub use disk::write_file;
 pub use error::{JobError, LeftOut};
 pub use field::{Field, FieldSquare, WorstPlace};
 pub use glimpse::Glimpse;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use super::JobError;
+use super::{JobError, write_file};
 use crate::{
     geometry::{Lattice, Stored, spread},
     las::{InputFile, PointFilter, PointStream, RecordFormat, expand_inputs},
@@ -62,7 +62,7 @@ pub fn render(files: &[PathBuf], picture: &Picture, output: &Path) -> Result<(),
     if content.is_empty() {
         return Err(JobError::Refused("there is no point to be drawn".into()));
     }
-    write_file(output, &content).map_err(|e| JobError::io("write", output, e))
+    write_file(output, &content)
 }
 
 /// Calls its argument with every record.
@@ -112,13 +112,6 @@ pub(super) fn draw(
     let written = canvas.write_png(&mut content);
     written.map_err(|e| JobError::io("write", Path::new("the picture"), e))?;
     Ok(content)
-}
-
-fn write_file(path: &Path, content: &[u8]) -> std::io::Result<()> {
-    let mut part = path.to_owned().into_os_string();
-    part.push(".part");
-    std::fs::write(&part, content)?;
-    std::fs::rename(&part, path)
 }
 
 /// Calls `draw` with every record of `inputs`.
