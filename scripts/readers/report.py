@@ -10,9 +10,10 @@ import time
 from playwright.sync_api import sync_playwright
 
 REPORT, AXE, PICTURES = map(pathlib.Path, sys.argv[1:4])
+VIEWER = REPORT.with_name(REPORT.name.replace(".report.", ".viewer."))
 SECTIONS = [
     "What came out", "Figures", "One place, before and after", "Nearest distances, in spacings",
-    "δ by iteration", "The area", "Where it is least even", "Tiles, coloured by δ", "Seams",
+    "δ by iteration", "Distances between input and output, in spacings", "The area", "Where it is least even", "Tiles, coloured by δ", "Seams",
     "Time and memory", "Inputs", "Settings",
 ]
 CHROMIUM = next(
@@ -40,6 +41,9 @@ with sync_playwright() as playwright:
         assert overflow <= 0, f"{overflow} pixels too wide at {width}"
         image = page.locator("img.portrait")
         assert image.evaluate("image => image.naturalWidth") == 1280
+
+        link = page.locator("a.viewer").evaluate("link => link.href")
+        assert link == VIEWER.resolve().as_uri(), link
 
         # The map is drawn, redrawn by its controls, and tells what is under the pointer.
         painted = lambda: page.evaluate("document.getElementById('map').toDataURL()")

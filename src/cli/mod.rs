@@ -21,7 +21,7 @@ use lloydar::{
         Coloring, InputCount, Job, JobError, JobPlan, Picture, Quiet, default_directory, measure,
         measure_against_surface, render, write_file,
     },
-    report::{Report, figure, thousands},
+    report::{REPORT_PAGE, Report, VIEWER_PAGE, figure, thousands},
 };
 
 use printing::{result, say};
@@ -309,15 +309,12 @@ fn run_and_report(job: &Job, look: Look) -> Result<u8, JobError> {
     let mut summary = String::new();
     let outcome = job.run(&terminal, &CANCEL, |outcome| {
         let report = Report::new(outcome, &job.output.display().to_string(), settings(job));
-        summary = format!(
-            "{} points, {} apart: {}\n{}report    {}.report.html",
-            thousands(report.points),
-            figure(report.spacing),
-            report.output,
-            report.summary(),
-            report.output
-        );
-        write_report(job, &report)
+        summary = report.summary();
+        let pages = write_report(job, &report)?;
+        for (name, path) in ["report", "viewer"].iter().zip(pages) {
+            summary += &format!("{name:<9} {path}\n");
+        }
+        Ok(())
     })?;
     let Some(outcome) = outcome else {
         if look != Look::Nothing {
@@ -326,7 +323,7 @@ fn run_and_report(job: &Job, look: Look) -> Result<u8, JobError> {
         return Ok(0);
     };
     if look != Look::Nothing {
-        result!("{summary}");
+        result!("{}", summary.trim_end());
     }
     let is_whole = |input: &InputCount| input.rejected == 0 && input.left_out.is_none();
     Ok(if outcome.inputs.iter().all(is_whole) {
@@ -345,14 +342,21 @@ fn settings(job: &Job) -> Vec<(String, String)> {
         .collect()
 }
 
-/// Writes the report beside the output, complete or not at all.
-fn write_report(job: &Job, report: &Report) -> Result<(), JobError> {
-    for (ending, text) in [("json", report.to_json()), ("html", report.to_html())] {
+/// Writes the report and the viewer beside the output, each complete or not at all: the
+/// names of the pages.
+fn write_report(job: &Job, report: &Report) -> Result<Vec<String>, JobError> {
+    let write = |ending: &str, text: &str| {
         let mut path = job.output.clone().into_os_string();
-        path.push(format!(".report.{ending}"));
-        write_file(Path::new(&path), text.as_bytes())?;
+        path.push(ending);
+        let path = PathBuf::from(path);
+        write_file(&path, text.as_bytes()).map(|()| path.display().to_string())
+    };
+    write(".report.json", &report.to_json())?;
+    let mut pages = vec![write(REPORT_PAGE, &report.to_html())?];
+    if let Some(viewer) = report.to_viewer() {
+        pages.push(write(VIEWER_PAGE, &viewer)?);
     }
-    Ok(())
+    Ok(pages)
 }
 
 fn measure_cloud(

@@ -7,6 +7,7 @@ use lloydar::{
     geometry::Lattice,
     las::{CloudHeader, CloudWriter, Format, RecordFormat, Workspace},
     pipeline::{Job, JobError, default_directory},
+    report::REPORT_PAGE,
     simulate::{SimulatedPoint, Street, StreetOptions},
 };
 use rayon::prelude::*;
@@ -102,6 +103,8 @@ pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
         memory: Some(lloydar::config::Bytes(256 << 20)),
         ..Choices::default()
     };
+    let mut page = cloud.clone().into_os_string();
+    page.push(REPORT_PAGE);
     let job = Job {
         inputs: vec![scans],
         dir: default_directory(&cloud),
@@ -112,7 +115,11 @@ pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
         skip_bad_files: false,
         restart: false,
     };
-    super::run_and_report(&job, Look::choose(false, false))
+    let code = super::run_and_report(&job, Look::choose(false, false))?;
+    if let Ok(page) = std::path::absolute(page) {
+        result!("\nsee it:   file://{}", page.display());
+    }
+    Ok(code)
 }
 
 /// Slices simulated at once: what is held in memory.

@@ -4,13 +4,13 @@
 
 use std::{
     io::IsTerminal,
-    sync::Mutex,
+    sync::{Mutex, MutexGuard, PoisonError},
     time::{Duration, Instant},
 };
 
 use indicatif::{ProgressBar, ProgressStyle};
 use lloydar::{
-    pipeline::{Progress, Unit},
+    pipeline::{Progress, Standing, Unit},
     report::thousands,
 };
 
@@ -37,8 +37,9 @@ impl Look {
     }
 }
 
-/// Lines no more often than this where there is no terminal.
+/// Lines no more often than this where there is no terminal, and for machines.
 const BETWEEN_LINES: Duration = Duration::from_secs(10);
+const BETWEEN_EVENTS: Duration = Duration::from_secs(1);
 
 struct Stage {
     name: String,
@@ -48,45 +49,53 @@ struct Stage {
     /// Done by an earlier run: not to be counted in the speed.
     before: u64,
     start: Instant,
-    last_line: Instant,
     bar: Option<ProgressBar>,
 }
 
 /// Shows the stages of a job.
 pub(super) struct Terminal {
     look: Look,
-    stage: Mutex<Option<Stage>>,
+    state: Mutex<State>,
+}
+
+struct State {
+    stage: Option<Stage>,
+    standing: Standing,
+    last_line: Instant,
 }
 
 impl Terminal {
     pub(super) fn new(look: Look) -> Self {
         Self {
             look,
-            stage: Mutex::new(None),
+            state: Mutex::new(State {
+                stage: None,
+                standing: Standing::default(),
+                last_line: Instant::now(),
+            }),
         }
     }
 
-    fn with<T>(&self, f: impl FnOnce(&mut Option<Stage>) -> T) -> T {
-        f(&mut self
-            .stage
-            .lock()
-            .unwrap_or_else(std::sync::PoisonError::into_inner))
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn line(&self, stage: &Stage, event: &str) {
+    fn line(&self, stage: &Stage, standing: &Standing, event: &str) {
         let seconds = stage.start.elapsed().as_secs_f64();
         match self.look {
             Look::Json => {
                 let line = serde_json::json!({
                     "event": event, "stage": stage.name, "done": stage.done,
                     "total": stage.total, "seconds": seconds,
-                    "remaining": stage.remaining(),
+                    "remaining_in_stage": stage.remaining(),
+                    "remaining": standing.remaining,
+                    "memory": standing.memory, "budget": standing.budget,
                 });
                 say!("{line}");
             }
             Look::Lines => {
-                let rest = match stage.remaining() {
-                    Some(rest) if event == "progress" => format!(", about {rest:.0} s to go"),
+                let rest = match event {
+                    "progress" => format!("; {}", stage.outlook(standing)),
                     _ => String::new(),
                 };
                 say!(
@@ -106,10 +115,37 @@ impl Terminal {
 }
 
 impl Stage {
+    /// Seconds until the stage is done, at the speed so far.
     fn remaining(&self) -> Option<f64> {
         let now = self.done.checked_sub(self.before).filter(|&n| n > 0)?;
         let rest = self.total.saturating_sub(self.done) as f64;
         Some(self.start.elapsed().as_secs_f64() * rest / now as f64)
+    }
+
+    /// Memory, and how long the run will take, or at least this stage of it.
+    fn outlook(&self, standing: &Standing) -> String {
+        let mebibytes = |bytes: u64| bytes.div_ceil(1 << 20);
+        let memory = standing.memory.map(|memory| {
+            let (held, budget) = (mebibytes(memory), mebibytes(standing.budget));
+            format!("{held} of {budget} MiB")
+        });
+        let rest = match (standing.remaining, self.remaining()) {
+            (Some(all), _) => Some(format!("{} to go", duration(all))),
+            (None, Some(stage)) => Some(format!("{} for this", duration(stage))),
+            (None, None) => None,
+        };
+        let parts: Vec<String> = memory.into_iter().chain(rest).collect();
+        parts.join(", ")
+    }
+}
+
+/// `95` as `1:35`, and hours before that if there are any.
+fn duration(seconds: f64) -> String {
+    let seconds = seconds.max(0.0).round() as u64;
+    let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
+    match hours {
+        0 => format!("{minutes}:{:02}", seconds % 60),
+        _ => format!("{hours}:{minutes:02}:{:02}", seconds % 60),
     }
 }
 
@@ -118,9 +154,9 @@ impl Progress for Terminal {
         let bar = (self.look == Look::Bars).then(|| {
             let template = match unit {
                 Unit::Points => {
-                    "{prefix:8} {wide_bar} {human_pos}/{human_len} points {per_sec} {eta:>4}"
+                    "{prefix:8} {wide_bar} {human_pos}/{human_len} points {per_sec}; {msg}"
                 }
-                Unit::Tiles => "{prefix:8} {wide_bar} {pos}/{len} tiles {eta:>4}",
+                Unit::Tiles => "{prefix:8} {wide_bar} {pos}/{len} tiles; {msg}",
             };
             let style = ProgressStyle::with_template(template)
                 .unwrap_or_else(|_| ProgressStyle::default_bar());
@@ -131,42 +167,60 @@ impl Progress for Terminal {
             bar.reset_eta();
             bar
         });
-        let now = Instant::now();
         let stage = Stage {
             name: stage.to_owned(),
             unit,
             total,
             done,
             before: done,
-            start: now,
-            last_line: now,
+            start: Instant::now(),
             bar,
         };
+        let mut state = self.state();
         if self.look == Look::Json {
-            self.line(&stage, "begin");
+            self.line(&stage, &state.standing, "begin");
         }
-        self.with(|held| *held = Some(stage));
+        state.last_line = Instant::now();
+        state.stage = Some(stage);
     }
 
     fn advance(&self, amount: u64) {
-        self.with(|held| {
-            let Some(stage) = held else { return };
+        if let Some(stage) = &mut self.state().stage {
             stage.done += amount;
             if let Some(bar) = &stage.bar {
                 bar.inc(amount);
-            } else if stage.last_line.elapsed() >= BETWEEN_LINES {
-                stage.last_line = Instant::now();
-                self.line(stage, "progress");
             }
-        });
+        }
     }
 
     fn end(&self) {
-        if let Some(stage) = self.with(Option::take) {
+        let mut state = self.state();
+        if let Some(stage) = state.stage.take() {
             match &stage.bar {
-                Some(bar) => bar.finish(),
-                None => self.line(&stage, "end"),
+                Some(bar) => bar.finish_with_message("done"),
+                None => self.line(&stage, &state.standing, "end"),
             }
+        }
+    }
+
+    fn standing(&self, standing: &Standing) {
+        let mut state = self.state();
+        state.standing = *standing;
+        let State {
+            stage: Some(stage), ..
+        } = &*state
+        else {
+            return;
+        };
+        let between = match self.look {
+            Look::Json => BETWEEN_EVENTS,
+            _ => BETWEEN_LINES,
+        };
+        if let Some(bar) = &stage.bar {
+            bar.set_message(stage.outlook(standing));
+        } else if state.last_line.elapsed() >= between {
+            self.line(stage, standing, "progress");
+            state.last_line = Instant::now();
         }
     }
 
@@ -176,5 +230,16 @@ impl Progress for Terminal {
             Look::Nothing => {}
             Look::Bars | Look::Lines => say!("{text}"),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_duration_is_read_at_a_glance() {
+        let said = [0.4, 95.0, 3599.6, 36_061.0].map(duration);
+        assert_eq!(said, ["0:00", "1:35", "1:00:00", "10:01:01"]);
     }
 }

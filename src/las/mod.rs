@@ -31,8 +31,8 @@ pub use guard::is_decoding;
 pub use inputs::expand_inputs;
 pub use ply::{PlyFile, PlyStream};
 pub use reading::{InputFile, PointStream};
-pub(crate) use record::move_to;
 pub use record::{ExtraByte, RecordFormat};
+pub(crate) use record::{Looks, move_to};
 pub use writing::{CloudHeader, CloudWriter, CompleteCloud, Format, Workspace};
 
 use std::path::Path;

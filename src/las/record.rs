@@ -231,6 +231,49 @@ pub(crate) fn move_to(record: &mut [u8], place: Stored) {
     record[14] = 0x11;
 }
 
+/// What of a record meets the eye.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Looks {
+    /// Intensity of the return.
+    pub(crate) intensity: u16,
+    /// Red, green and blue; zeros where records have none.
+    pub(crate) color: [u16; 3],
+    /// Class.
+    pub(crate) class: u8,
+}
+
+impl Looks {
+    /// That of `record`, of a format with colour or without.
+    ///
+    /// # Panics
+    ///
+    /// If the record is shorter than the standard's.
+    pub(crate) fn of_record(record: &[u8], has_color: bool) -> Self {
+        let word = |at: usize| u16::from_le_bytes([record[at], record[at + 1]]);
+        Self {
+            intensity: word(12),
+            color: match has_color {
+                true => [word(30), word(32), word(34)],
+                false => [0; 3],
+            },
+            class: record[16],
+        }
+    }
+
+    /// The colour in eight bits, of a cloud whose `brightest` value is this: some write
+    /// eight bits into sixteen.
+    pub(crate) fn color_in_bytes(&self, brightest: u16) -> [u8; 3] {
+        let shift = if brightest > 255 { 8 } else { 0 };
+        self.color.map(|c| (c >> shift) as u8)
+    }
+
+    /// The largest of red, green and blue.
+    pub(crate) fn brightness(&self) -> u16 {
+        let [red, green, blue] = self.color;
+        red.max(green).max(blue)
+    }
+}
+
 /// Where an extra-bytes attribute of the run comes from.
 #[derive(Clone, Debug)]
 enum ExtraSource {

@@ -36,5 +36,5 @@ pub use scan::Scan;
 pub use seeds::{AREA_PER_SEED, ELECTION_RADIUS, SeedRule, Seeds, elect, elected_in};
 pub use solver::{
     DistanceSums, Domain, FARTHEST_NEIGHBOR, FILL, FIT_RADIUS, Options, Site, Solution,
-    describe_places, describe_points, solve,
+    describe_places, describe_points, solve, solve_watched,
 };

@@ -249,6 +249,20 @@ struct Sites<'a> {
 
 /// Runs the paper's Algorithm 1 on `scan`, for the sites of `domain`.
 pub fn solve(scan: &Scan, domain: &Domain, options: &Options) -> Solution {
+    solve_watched(scan, domain, options, &|_| {})
+}
+
+/// Of the time that [`solve`] takes, what passes until the seeds are elected and described,
+/// about.
+const ELECTION_SHARE: f64 = 0.41;
+
+/// As [`solve`]; `watch` is told now and then what share of the work is done, about.
+pub fn solve_watched(
+    scan: &Scan,
+    domain: &Domain,
+    options: &Options,
+    watch: &dyn Fn(f64),
+) -> Solution {
     let all = elect(scan, options);
     let cone = Cone::new(domain, options, scan.lattice());
     // Sites beyond the widest ring can matter to nobody here.
@@ -271,6 +285,9 @@ pub fn solve(scan: &Scan, domain: &Domain, options: &Options) -> Solution {
     );
     let mut convergence = Vec::new();
     for iteration in 0..options.iterations {
+        // The first ones take longer: more sites move, and more patches are fitted.
+        let share = (f64::from(iteration) / f64::from(options.iterations)).powf(0.85);
+        watch(ELECTION_SHARE + (1.0 - ELECTION_SHARE) * share);
         sites.lloyd_step(&cone, iteration);
         convergence.push(sites.nearest_distances());
         let next = accelerator.next(&Iterate {

@@ -32,6 +32,10 @@ pub(super) struct Look<'a> {
     /// Where the sites are settled.
     pub(super) settled: &'a SettledTiles,
     pub(super) record_length: usize,
+    /// Whether records have colour.
+    pub(super) has_color: bool,
+    /// Sites to a point of the input.
+    pub(super) sites_per_point: f64,
     pub(super) lattice: &'a Lattice,
     pub(super) spacing: f64,
 }
@@ -56,10 +60,25 @@ impl Look<'_> {
 
     /// The middle of `tile`; nothing if it has no site.
     pub(super) fn at_middle(&self, tile: u32) -> Result<Glimpse, JobError> {
-        match middle(&self.sites(tile)?) {
+        match self.site_near(tile, None)? {
             Some(middle) => self.around(middle),
             None => Ok(Glimpse::default()),
         }
+    }
+
+    /// The site of `tile` that is nearest to `place`, or else to the mean of all.
+    pub(super) fn site_near(
+        &self,
+        tile: u32,
+        place: Option<[i64; 2]>,
+    ) -> Result<Option<[i64; 2]>, JobError> {
+        let sites = self.sites(tile)?;
+        Ok(place.or_else(|| mean(&sites)).and_then(|[x, y]| {
+            sites
+                .iter()
+                .map(|s| [i64::from(s.x), i64::from(s.y)])
+                .min_by_key(|&[a, b]| (i128::from(a - x).pow(2) + i128::from(b - y).pow(2), a, b))
+        }))
     }
 
     /// The square around `middle` (stored units).
@@ -120,13 +139,9 @@ impl Look<'_> {
     }
 }
 
-/// The site nearest to the mean of all.
-fn middle(sites: &[Stored]) -> Option<[i64; 2]> {
+/// The mean of all sites.
+fn mean(sites: &[Stored]) -> Option<[i64; 2]> {
     let count = i64::try_from(sites.len()).ok().filter(|&n| n > 0)?;
     let mean = |of: fn(&Stored) -> i32| sites.iter().map(|s| i64::from(of(s))).sum::<i64>() / count;
-    let (x, y) = (mean(|s| s.x), mean(|s| s.y));
-    sites
-        .iter()
-        .map(|s| [i64::from(s.x), i64::from(s.y)])
-        .min_by_key(|&[a, b]| (i128::from(a - x).pow(2) + i128::from(b - y).pow(2), a, b))
+    Some([mean(|s| s.x), mean(|s| s.y)])
 }

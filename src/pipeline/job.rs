@@ -4,19 +4,21 @@ use std::{
     fs::{self, File},
     path::PathBuf,
     sync::atomic::{AtomicBool, Ordering},
+    thread,
     time::Instant,
 };
 
 use crossbeam::channel;
-use serde::{Deserialize, Serialize};
 
 use super::{
-    Field, Glimpse, InputCount, JobError, JobPlan, LeftOut, Progress, Survey, TileFigures, Unit,
-    WorstPlace,
+    Excerpt, Field, Glimpse, Held, InputCount, JobError, JobPlan, LeftOut, Progress, StageCost,
+    Survey, TileFigures, Unit, WorstPlace,
+    clock::Clock,
     directory::{JobDirectory, Stamp},
     disk::{Need, check_room},
+    forecast::Forecast,
     glimpse::Look,
-    memory::{Budget, mebibytes, peak_resident},
+    memory::{Budget, mebibytes},
     planning::Planning,
     provenance::{checksums, provenance},
     rendering::{Coloring, Picture, draw},
@@ -42,6 +44,13 @@ const PORTRAIT: Picture = Picture {
     point_size: None,
 };
 
+/// Seconds that come after the tiles are solved: for a million points of the output to be
+/// stitched, written and sorted, and for a look at them.
+const STITCH_SECONDS: f64 = 0.6;
+const WRITE_SECONDS: f64 = 1.2;
+const SORT_SECONDS: f64 = 1.5;
+const LOOK_SECONDS: f64 = 0.4;
+
 /// A job to be done.
 #[derive(Clone, Debug)]
 pub struct Job {
@@ -63,17 +72,6 @@ pub struct Job {
     pub restart: bool,
 }
 
-/// Time and memory of a stage.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct StageCost {
-    /// The stage.
-    pub stage: String,
-    /// Seconds that it took in this run.
-    pub seconds: f64,
-    /// Most memory held until its end, in bytes.
-    pub peak: Option<u64>,
-}
-
 /// What a job did.
 #[derive(Clone, Debug)]
 pub struct Outcome {
@@ -93,6 +91,8 @@ pub struct Outcome {
     pub bytes: u64,
     /// One place before and after.
     pub glimpse: Glimpse,
+    /// A square to be walked around.
+    pub excerpt: Excerpt,
     /// What came out, as a picture in PNG.
     pub portrait: Vec<u8>,
     /// Figures square by square.
@@ -101,6 +101,8 @@ pub struct Outcome {
     pub worst: Vec<WorstPlace>,
     /// What each stage took.
     pub stages: Vec<StageCost>,
+    /// What was held over time.
+    pub held: Vec<Held>,
     /// What is worth a line.
     pub notes: Vec<String>,
 }
@@ -123,16 +125,27 @@ impl Job {
     ) -> Result<Option<Outcome>, JobError> {
         let format = self.check_output()?;
         let pool = self.pool()?;
-        let mut clock = Clock::new();
-        let prepared = pool.install(|| self.prepare(progress, cancel, &mut clock))?;
-        let Some(mut running) = prepared else {
-            return Ok(None);
-        };
-        let tiles = self.solve(&running, &pool, progress, cancel)?;
-        clock.stop("solve");
-        let (outcome, cloud) =
-            pool.install(|| self.finish(&running, &tiles, format, progress, cancel, clock))?;
-        report(&outcome)?;
+        let forecast = &Forecast::new(progress);
+        thread::scope(|scope| {
+            let mut clock = Clock::new();
+            clock.watch(scope, &self.dir, self.budget().total, forecast);
+            let prepared = pool.install(|| self.prepare(forecast, cancel, &mut clock))?;
+            let Some(running) = prepared else {
+                return Ok(None);
+            };
+            forecast.expect(&self.seconds_ahead(&running.plan));
+            let tiles = self.solve(&running, &pool, forecast, cancel)?;
+            clock.stop("solve");
+            let (outcome, cloud) =
+                pool.install(|| self.finish(&running, &tiles, format, forecast, cancel, clock))?;
+            report(&outcome)?;
+            self.deliver(running, cloud)?;
+            Ok(Some(outcome))
+        })
+    }
+
+    /// Gives the output its name: then the job is done, and forgotten.
+    fn deliver(&self, mut running: Running, cloud: CompleteCloud) -> Result<(), JobError> {
         let stamp = Stamp::of(cloud.part());
         let stamp = stamp.map_err(|e| JobError::io("read", cloud.part(), e))?;
         running.directory.deliver(stamp)?;
@@ -140,7 +153,19 @@ impl Job {
         if !self.keep {
             running.directory.clear();
         }
-        Ok(Some(outcome))
+        Ok(())
+    }
+
+    /// The stages from the first tile on, and the seconds that each will take, about.
+    fn seconds_ahead(&self, plan: &JobPlan) -> [(&'static str, f64); 4] {
+        let million = 1e-6 * plan.points_out as f64;
+        let sort = if self.is_sorted() { SORT_SECONDS } else { 0.0 };
+        [
+            ("solve", plan.seconds_to_solve),
+            ("stitch", STITCH_SECONDS * million),
+            ("write", WRITE_SECONDS * million),
+            ("sort", LOOK_SECONDS + sort * million),
+        ]
     }
 
     /// Does all that comes before the first tile is solved, and says what would
@@ -183,6 +208,10 @@ impl Job {
         }
     }
 
+    fn budget(&self) -> Budget {
+        Budget::new(self.settings.memory, self.settings.threads)
+    }
+
     fn pool(&self) -> Result<rayon::ThreadPool, JobError> {
         rayon::ThreadPoolBuilder::new()
             .num_threads(self.settings.threads)
@@ -213,7 +242,7 @@ impl Job {
         cancel: &AtomicBool,
         clock: &mut Clock,
     ) -> Result<Option<Running>, JobError> {
-        let budget = Budget::new(self.settings.memory, self.settings.threads);
+        let budget = self.budget();
         if budget.total < budget.least() {
             return Err(JobError::Refused(format!(
                 "--memory {} is too little for any job; give at least {}",
@@ -369,7 +398,7 @@ impl Job {
         &self,
         running: &Running,
         pool: &rayon::ThreadPool,
-        progress: &dyn Progress,
+        progress: &Forecast<'_>,
         cancel: &AtomicBool,
     ) -> Result<SolvedTiles, JobError> {
         let tiles = &running.plan.plan.tiles;
@@ -378,8 +407,11 @@ impl Job {
             .iter()
             .partition(|tile| solved_tiles.contains(tile.id));
         progress.begin("solve", tiles.len() as u64, done.len() as u64, Unit::Tiles);
+        let all: u64 = tiles.iter().map(|tile| tile.cost).sum();
+        let mut over: u64 = done.iter().map(|tile| tile.cost).sum();
+        progress.reach(over as f64 / all as f64);
         let (sender, receiver) = channel::bounded(0);
-        std::thread::scope(|scope| {
+        thread::scope(|scope| {
             scope.spawn(move || {
                 for tile in missing {
                     let loaded = pool.install(|| {
@@ -399,11 +431,16 @@ impl Job {
             for loaded in receiver {
                 let start = Instant::now();
                 let loaded = loaded?;
-                let id = loaded.tile.id;
+                let Tile { id, cost, .. } = loaded.tile;
+                let watch = |share: f64| {
+                    progress.reach((over as f64 + share * cost as f64) / all as f64);
+                };
                 let (solved, mut figures) = pool.install(|| {
                     let (spill, options) = (&running.spill, &running.options);
-                    solve_tile(spill, loaded, options, &running.transfer)
+                    solve_tile(spill, loaded, options, &running.transfer, &watch)
                 })?;
+                over += cost;
+                progress.reach(over as f64 / all as f64);
                 figures.seconds = start.elapsed().as_secs_f64();
                 solved_tiles.add(id, &solved, &figures)?;
                 progress.advance(1);
@@ -445,15 +482,17 @@ impl Job {
         let figures = plan.tiles.iter().map(|tile| solved.figures(tile.id));
         let tiles: Vec<TileFigures> = figures.collect::<Result<_, JobError>>()?;
         let largest = tiles.iter().max_by_key(|tile| tile.sites);
+        let largest = largest.map_or(0, |figures| figures.tile.id);
         let look = Look {
             plan,
             spill: &running.spill,
             settled: &settled,
             record_length: running.transfer.record().record_length(),
+            has_color: running.transfer.record().has_color(),
+            sites_per_point: running.plan.points_out as f64 / running.plan.points as f64,
             lattice,
             spacing,
         };
-        let glimpse = look.at_middle(largest.map_or(0, |figures| figures.tile.id))?;
         let mut field = Field::of_input(&running.spill);
         progress.begin("write", plan.tiles.len() as u64, 0, Unit::Tiles);
         let header = CloudHeader {
@@ -470,7 +509,7 @@ impl Job {
                 &running.spill,
             ),
         };
-        let budget = Budget::new(self.settings.memory, self.settings.threads);
+        let budget = self.budget();
         let workspace = Workspace {
             spacing,
             tile_edge: self.settings.output_tiles.unwrap_or(0.0),
@@ -490,6 +529,8 @@ impl Job {
             &mut writer,
             progress,
         )?;
+        progress.end();
+        clock.stop("write");
         let portrait = draw(
             &PORTRAIT,
             writer.points(),
@@ -505,8 +546,9 @@ impl Job {
             })
         });
         let worst = worst.collect::<Result<Vec<WorstPlace>, JobError>>()?;
-        progress.end();
-        clock.stop("write");
+        let glimpse = look.at_middle(largest)?;
+        let excerpt = look.excerpt(largest)?;
+        clock.stop("look");
         if self.is_sorted() {
             progress.begin("sort", running.plan.points_out, 0, Unit::Points);
         }
@@ -522,6 +564,7 @@ impl Job {
                 "{sites} points were solved and {points} written; please report this"
             )));
         }
+        let (stages, held) = clock.costs(&self.dir);
         let outcome = Outcome {
             plan: running.plan.clone(),
             inputs: running.inputs.clone(),
@@ -537,12 +580,14 @@ impl Job {
             tiles,
             stitched,
             glimpse,
+            excerpt,
             field,
             portrait,
             worst,
             points,
             bytes: cloud.bytes(),
-            stages: clock.stages,
+            stages,
+            held,
             notes: running.notes(),
         };
         Ok((outcome, cloud))
@@ -611,29 +656,5 @@ impl InputStamps {
             ))),
             None => Ok(()),
         }
-    }
-}
-
-/// Times the stages of a run.
-struct Clock {
-    last: Instant,
-    stages: Vec<StageCost>,
-}
-
-impl Clock {
-    fn new() -> Self {
-        Self {
-            last: Instant::now(),
-            stages: Vec::new(),
-        }
-    }
-
-    fn stop(&mut self, stage: &str) {
-        self.stages.push(StageCost {
-            stage: stage.to_owned(),
-            seconds: self.last.elapsed().as_secs_f64(),
-            peak: peak_resident(),
-        });
-        self.last = Instant::now();
     }
 }

@@ -36,6 +36,12 @@ pub fn peak_resident() -> Option<u64> {
     proc_kib("/proc/self/status", "VmHWM:")
 }
 
+/// The memory that this process holds now, in bytes, mapped pages included (`VmRSS`);
+/// `None` where the system does not tell.
+pub(super) fn resident() -> Option<u64> {
+    proc_kib("/proc/self/status", "VmRSS:")
+}
+
 fn proc_kib(file: &str, key: &str) -> Option<u64> {
     let text = fs::read_to_string(file).ok()?;
     let line = text.lines().find(|line| line.starts_with(key))?;

@@ -7,10 +7,13 @@
 //! Each stage leaves files in the job directory that the next one reads, and
 //! that a later run of the same job finds: what is done is not done again.
 
+mod clock;
 mod directory;
 mod disk;
 mod error;
+mod excerpt;
 mod field;
+mod forecast;
 mod gathering;
 mod glimpse;
 mod job;
@@ -28,16 +31,18 @@ mod tiles;
 mod transfer;
 mod writing;
 
+pub use clock::{Held, StageCost};
 pub use directory::default_directory;
 pub use disk::write_file;
 pub use error::{JobError, LeftOut};
+pub use excerpt::{Excerpt, ShownPoint};
 pub use field::{Field, FieldSquare, WorstPlace};
 pub use glimpse::Glimpse;
-pub use job::{Job, Outcome, StageCost};
+pub use job::{Job, Outcome};
 pub use measuring::{Measured, measure, measure_against_surface};
 pub use memory::{memory_limit, peak_resident};
 pub use planning::JobPlan;
-pub use progress::{Progress, Quiet, Unit};
+pub use progress::{Progress, Quiet, Standing, Unit};
 pub use rendering::{Coloring, Picture, render};
 pub use scattering::InputCount;
 pub use solving::TileFigures;

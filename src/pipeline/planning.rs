@@ -42,6 +42,8 @@ pub struct JobPlan {
     pub temporary: u64,
     /// Seconds expected, about.
     pub seconds: f64,
+    /// Of those, seconds for the tiles to be solved.
+    pub seconds_to_solve: f64,
     /// Scale and offset of the output.
     pub lattice: Lattice,
 }
@@ -152,8 +154,10 @@ impl Planning<'_> {
         let points_seen: u64 = plan.tiles.iter().map(|tile| tile.points_seen).sum();
         let overlap = points_seen as f64 / spill.points().max(1) as f64;
         let million = 1e-6 / settings.threads as f64;
-        let seconds = spill.points() as f64 * million * SCATTER_SECONDS * (1.0 + overlap)
-            + points_out as f64 * million * STEP_SECONDS * f64::from(options.iterations) * overlap;
+        let seconds_to_solve =
+            points_out as f64 * million * STEP_SECONDS * f64::from(options.iterations) * overlap;
+        let seconds =
+            spill.points() as f64 * million * SCATTER_SECONDS * (1.0 + overlap) + seconds_to_solve;
         let transfer = Transfer::new(&self.survey.record, settings);
         let records = points_out * transfer.record().record_length() as u64;
         // A site twice, as its tile leaves it and as it is settled, and once more if it is
@@ -181,6 +185,7 @@ impl Planning<'_> {
             budget: self.budget.total,
             temporary: spill.bytes() + solved,
             seconds,
+            seconds_to_solve,
             plan,
             lattice,
         })

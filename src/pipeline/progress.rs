@@ -9,6 +9,17 @@ pub enum Unit {
     Tiles,
 }
 
+/// Where a run stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Standing {
+    /// Memory held, in bytes; nothing where the system does not tell.
+    pub memory: Option<u64>,
+    /// The budget, in bytes.
+    pub budget: u64,
+    /// Seconds until the run is done; nothing before that can be told.
+    pub remaining: Option<f64>,
+}
+
 /// Someone who listens to a job.
 pub trait Progress: Sync {
     /// A stage begins; `total` units are ahead of it, `done` of them done by an
@@ -20,6 +31,8 @@ pub trait Progress: Sync {
     fn end(&self);
     /// Something worth a line.
     fn note(&self, text: &str);
+    /// Told several times a second, from a thread of its own.
+    fn standing(&self, standing: &Standing);
 }
 
 /// Listens to nothing.
@@ -31,4 +44,5 @@ impl Progress for Quiet {
     fn advance(&self, _: u64) {}
     fn end(&self) {}
     fn note(&self, _: &str) {}
+    fn standing(&self, _: &Standing) {}
 }

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use super::{JobError, write_file};
 use crate::{
     geometry::{Lattice, Stored, spread},
-    las::{InputFile, PointFilter, PointStream, RecordFormat, expand_inputs},
+    las::{InputFile, Looks, PointFilter, PointStream, RecordFormat, expand_inputs},
     picture::{Camera, Canvas, Scene, View},
 };
 
@@ -82,7 +82,7 @@ pub(super) fn draw(
     visit(&mut |record| {
         let point = Stored::of_record(record);
         if count <= SAMPLED || point.lot() <= threshold {
-            sample.add(lattice.world(point), record, has_color);
+            sample.add(lattice.world(point), &Looks::of_record(record, has_color));
         }
     })?;
     sample.intensities.sort_unstable();
@@ -104,7 +104,8 @@ pub(super) fn draw(
         let place = lattice.world(Stored::of_record(record));
         if let Some((at, depth, scale)) = camera.project(place) {
             let height = (place[2] - min[2]) / (max[2] - min[2]).max(1e-9);
-            let color = sample.color(coloring, record, height);
+            let looks = Looks::of_record(record, has_color);
+            let color = sample.color(coloring, &looks, height);
             canvas.disc(at, depth, 0.5 * diameter * scale, color);
         }
     })?;
@@ -144,38 +145,27 @@ struct Sample {
 }
 
 impl Sample {
-    fn add(&mut self, place: [f64; 3], record: &[u8], has_color: bool) {
+    fn add(&mut self, place: [f64; 3], looks: &Looks) {
         self.places.push(place);
-        self.intensities.push(word(record, 12));
-        if has_color {
-            let brightest = [30, 32, 34].map(|at| word(record, at)).into_iter().max();
-            self.brightest = self.brightest.max(brightest.unwrap_or(0));
-        }
+        self.intensities.push(looks.intensity);
+        self.brightest = self.brightest.max(looks.brightness());
     }
 
-    fn color(&self, coloring: Coloring, record: &[u8], height: f64) -> [u8; 3] {
+    fn color(&self, coloring: Coloring, looks: &Looks, height: f64) -> [u8; 3] {
         match coloring {
-            Coloring::Auto => {
-                // Some write eight bits of colour into sixteen.
-                let shift = if self.brightest > 255 { 8 } else { 0 };
-                [30, 32, 34].map(|at| (word(record, at) >> shift) as u8)
-            }
+            Coloring::Auto => looks.color_in_bytes(self.brightest),
             Coloring::Height => ramp(height),
             Coloring::Intensity => {
-                let rank = self.intensities.partition_point(|&i| i < word(record, 12));
+                let rank = self.intensities.partition_point(|&i| i < looks.intensity);
                 let share = rank as f64 / self.intensities.len().max(1) as f64;
                 [(40.0 + 200.0 * share) as u8; 3]
             }
             Coloring::Class => {
-                let hue = spread(record[16].into()).to_le_bytes();
+                let hue = spread(looks.class.into()).to_le_bytes();
                 [0, 1, 2].map(|c| 60 + (hue[c] >> 1) + (hue[c] >> 3))
             }
         }
     }
-}
-
-fn word(record: &[u8], at: usize) -> u16 {
-    u16::from_le_bytes([record[at], record[at + 1]])
 }
 
 /// From blue over green to yellow.

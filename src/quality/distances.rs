@@ -70,6 +70,17 @@ impl DistanceTally {
         self.beyond += other.beyond;
     }
 
+    /// The distances in `bins` equal parts of 0 … `spacings` spacings; what is farther is in
+    /// the last.
+    pub fn histogram(&self, bins: usize, spacings: f64) -> Vec<u64> {
+        let mut counts = vec![0; bins];
+        for (k, &count) in self.bins.iter().enumerate() {
+            let place = (k as f64 + 0.5) / BINS_PER_SPACING / spacings;
+            counts[((place * bins as f64) as usize).min(bins - 1)] += count;
+        }
+        counts
+    }
+
     /// The figures of all distances so far.
     pub fn figures(&self) -> DistanceFigures {
         let count = self.count as f64;
@@ -111,6 +122,7 @@ mod tests {
         assert!((figures.p99 - 1.98).abs() < 0.005);
         assert_eq!(figures.max, 2.0);
         assert_eq!(figures.share_beyond, 0.25);
+        assert_eq!(tally.histogram(4, 1.0), [124, 125, 125, 626]);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Charts as SVG, in the colours of the page.
 
 use super::figure;
-use crate::pipeline::Glimpse;
+use crate::pipeline::{Glimpse, Held, StageCost};
 
 const WIDTH: f64 = 640.0;
 const HEIGHT: f64 = 220.0;
@@ -93,6 +93,65 @@ pub(super) fn line(title: &str, values: &[f64]) -> String {
         l = LEFT - 6.0,
     );
     frame(title, &body, "iteration")
+}
+
+/// Memory and temporary files over time, each up to its own peak, with the stages below and
+/// the memory budget as far as it is in sight.
+pub(super) fn over_time(held: &[Held], stages: &[StageCost], budget: u64) -> String {
+    let whole: f64 = stages.iter().map(|stage| stage.seconds).sum();
+    let whole = held.last().map_or(whole, |last| last.seconds.max(whole));
+    let memory = |held: &Held| held.memory.unwrap_or(0);
+    let most = |of: &dyn Fn(&Held) -> u64| held.iter().map(of).max().unwrap_or(0).max(1) as f64;
+    let (top, floor) = (14.0, HEIGHT - BOTTOM);
+    let x = |seconds: f64| LEFT + seconds / whole * (WIDTH - LEFT);
+    // A fifth is left above the highest: there the budget is seen that was nearly reached.
+    let y = |share: f64| floor - share / 1.2 * (floor - top);
+    let curve = |of: &dyn Fn(&Held) -> u64, class: &str| {
+        let most = most(of);
+        let places: Vec<String> = held
+            .iter()
+            .map(|h| format!("{:.1},{:.1}", x(h.seconds), y(of(h) as f64 / most)))
+            .collect();
+        let (class, places) = (class, places.join(" "));
+        format!("<polyline class=\"line {class}\" points=\"{places}\"/>")
+    };
+    let share = budget as f64 / most(&memory);
+    let limit = match share <= 1.2 {
+        true => format!(
+            "<line class=\"limit\" x1=\"{LEFT}\" x2=\"{WIDTH}\" y1=\"{0:.1}\" y2=\"{0:.1}\"/>",
+            y(share)
+        ),
+        false => String::new(),
+    };
+    let mut from = 0.0;
+    let bands: String = stages
+        .iter()
+        .map(|stage| {
+            let start = from;
+            from += stage.seconds;
+            // A name that does not fit is in the table.
+            let name = match stage.seconds / whole * (WIDTH - LEFT) > 44.0 {
+                true => format!(
+                    "<text x=\"{:.1}\" y=\"{:.1}\">{}</text>",
+                    x(start) + 3.0,
+                    floor + 14.0,
+                    stage.stage
+                ),
+                false => String::new(),
+            };
+            format!(
+                "<line class=\"axis\" x1=\"{0:.1}\" x2=\"{0:.1}\" y1=\"{top}\" y2=\"{1:.1}\"/>{name}",
+                x(from),
+                floor + 18.0
+            )
+        })
+        .collect();
+    let curves = curve(&memory, "memory") + &curve(&|held| held.disk, "disk");
+    frame(
+        "memory and temporary files over time",
+        &(bands + &curves + &limit),
+        "",
+    )
 }
 
 /// A place from above, before and after, side by side.

@@ -4,16 +4,22 @@ mod chart;
 mod map;
 mod page;
 mod verdict;
+mod viewer;
 
 use serde::Serialize;
 
 use crate::{
     lloyd::DistanceSums,
-    pipeline::{Glimpse, InputCount, Outcome, StageCost},
+    pipeline::{Excerpt, Glimpse, Held, InputCount, Outcome, StageCost},
     quality::{DistanceFigures, DistanceTally, Uniformity, UniformityTally},
 };
 
 pub use verdict::{Verdict, verdicts};
+
+/// What is added to the name of an output for its report and for its viewer.
+pub const REPORT_PAGE: &str = ".report.html";
+/// See [`REPORT_PAGE`].
+pub const VIEWER_PAGE: &str = ".viewer.html";
 
 /// Bins of the histograms of nearest distances, and spacings that they span.
 const BINS: usize = 80;
@@ -45,6 +51,11 @@ pub struct Report {
     pub accuracy: DistanceFigures,
     /// Input to nearest output.
     pub coverage: DistanceFigures,
+    /// Distances of the output to the input, in equal bins of 0 to 2 spacings; what is farther is
+    /// in the last.
+    pub histogram_accuracy: Vec<u64>,
+    /// The same of the input to the output.
+    pub histogram_coverage: Vec<u64>,
     /// Share of the output that was left where it was elected.
     pub held: f64,
     /// Share of the output whose tile saw all that it depends on.
@@ -63,6 +74,9 @@ pub struct Report {
     /// One place before and after.
     #[serde(skip)]
     pub glimpse: Glimpse,
+    /// A square to be walked around.
+    #[serde(skip)]
+    pub excerpt: Excerpt,
     /// What came out, as a picture in PNG.
     #[serde(skip)]
     pub portrait: Vec<u8>,
@@ -79,8 +93,10 @@ pub struct Report {
     pub memory_budget: u64,
     /// Most memory held, in bytes.
     pub memory_peak: Option<u64>,
-    /// Temporary files, in bytes.
-    pub temporary: u64,
+    /// Most temporary files held, in bytes.
+    pub temporary_peak: u64,
+    /// Memory and temporary files over time.
+    pub over_time: Vec<Held>,
     /// What is worth a line.
     pub notes: Vec<String>,
 }
@@ -210,6 +226,8 @@ impl Report {
             uniformity,
             accuracy: accuracy.figures(),
             coverage: coverage.figures(),
+            histogram_accuracy: accuracy.histogram(BINS, SPANNED),
+            histogram_coverage: coverage.histogram(BINS, SPANNED),
             held: held as f64 / sites as f64,
             exact: exact as f64 / sites as f64,
             seams: Seams {
@@ -227,6 +245,7 @@ impl Report {
             histogram_seeds: seeds.histogram(BINS, SPANNED),
             histogram: stitched.all.histogram(BINS, SPANNED),
             glimpse: outcome.glimpse.clone(),
+            excerpt: outcome.excerpt.clone(),
             portrait: outcome.portrait.clone(),
             area: area(outcome),
             worst: outcome
@@ -256,7 +275,8 @@ impl Report {
             stages: outcome.stages.clone(),
             memory_budget: outcome.plan.budget,
             memory_peak: outcome.stages.iter().filter_map(|s| s.peak).max(),
-            temporary: outcome.plan.temporary,
+            temporary_peak: outcome.held.iter().map(|h| h.disk).max().unwrap_or(0),
+            over_time: outcome.held.clone(),
             notes: outcome.notes.clone(),
         }
     }
@@ -275,15 +295,39 @@ impl Report {
         page::page(self)
     }
 
+    /// A page to walk around a place in, before and after, that needs nothing else; nothing
+    /// if there is no point to be seen.
+    pub fn to_viewer(&self) -> Option<String> {
+        viewer::viewer(self)
+    }
+
     /// A few lines for a terminal.
     pub fn summary(&self) -> String {
-        let mut text = String::new();
+        let mut text = format!(
+            "{} points, {} apart: {}\n",
+            thousands(self.points),
+            figure(self.spacing),
+            self.output
+        );
         for verdict in verdicts(self) {
             text += &format!(
                 "{:<9} {:<5} {}\n",
                 verdict.question, verdict.answer, verdict.figures
             );
         }
+        let all: f64 = self.stages.iter().map(|stage| stage.seconds).sum();
+        let stages = self.stages.iter();
+        let stages: Vec<String> = stages
+            .map(|stage| format!("{} {:.1}", stage.stage, stage.seconds))
+            .collect();
+        let mebibytes = |bytes: u64| thousands(bytes.div_ceil(1 << 20));
+        let peak = self.memory_peak.map_or("–".into(), mebibytes);
+        text += &format!("time      {all:.1} s: {}\n", stages.join(", "));
+        text += &format!(
+            "memory    {peak} of {} MiB; temporary files {} MiB\n",
+            mebibytes(self.memory_budget),
+            mebibytes(self.temporary_peak)
+        );
         text
     }
 }

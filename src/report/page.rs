@@ -1,11 +1,15 @@
 //! The report as one page: styles and charts inside, nothing fetched.
 
+use std::path::Path;
+
 use base64::Engine;
 
-use super::{Report, SPANNED, TileRow, WorstRow, chart, figure, map, thousands, verdicts};
+use super::{
+    Report, SPANNED, TileRow, VIEWER_PAGE, WorstRow, chart, figure, map, thousands, verdicts,
+};
 use crate::{pipeline::Glimpse, quality::Uniformity};
 
-const STYLE: &str = "
+pub(super) const STYLE: &str = "
 :root{color-scheme:light dark;--ink:#1b2430;--paper:#fbfbf9;--soft:#66707c;--rule:#d9dcd6;
 --good:#1a7f4b;--look:#b4540a;--input:#b9c0c8;--seeds:#c9b27c;--output:#2b6cb0}
 @media(prefers-color-scheme:dark){:root{--ink:#e8eaed;--paper:#14181d;--soft:#9aa4af;--rule:#2f3740;
@@ -21,10 +25,12 @@ th,td{text-align:right;padding:.25rem .6rem;border-bottom:1px solid var(--rule)}
 th:first-child,td:first-child{text-align:left;overflow-wrap:anywhere}
 svg{width:100%;height:auto}svg text{fill:var(--soft);font-size:12px}
 .axis{stroke:var(--rule)}.line{fill:none;stroke:var(--output);stroke-width:2}
+.line.disk{stroke:var(--seeds)}.limit{stroke:var(--look);stroke-dasharray:6 4}
 .input{fill:var(--input)}.seeds{fill:var(--seeds)}.output{fill:var(--output);opacity:.75}
 .soft{color:var(--soft)}.legend span{display:inline-block;width:.8em;height:.8em;margin-left:1em}
 .legend .input{background:var(--input)}.legend .seeds{background:var(--seeds)}
 .legend .output{background:var(--output)}
+a{color:var(--output)}
 canvas{width:100%;height:auto;image-rendering:pixelated;border:1px solid var(--rule)}
 canvas:focus-visible{outline:3px solid var(--output)}
 .controls label{margin-right:1.5em}select{font:inherit}
@@ -35,7 +41,7 @@ figure{margin:0;break-inside:avoid}figcaption{color:var(--soft);font-size:.9rem}
 @media print{body{max-width:none}}";
 
 /// Text as it may stand in a page.
-fn escape(text: &str) -> String {
+pub(super) fn escape(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")
@@ -74,7 +80,7 @@ pub(super) fn page(report: &Report) -> String {
     let sections = [
         ("What came out", portrait(&report.portrait)),
         ("Figures", figures(report)),
-        ("One place, before and after", glimpse(&report.glimpse)),
+        ("One place, before and after", before_and_after(report)),
         (
             "Nearest distances, in spacings",
             chart::histograms(
@@ -92,6 +98,10 @@ pub(super) fn page(report: &Report) -> String {
         (
             "δ by iteration",
             chart::line("δ by iteration", &report.convergence),
+        ),
+        (
+            "Distances between input and output, in spacings",
+            distances(report),
         ),
         ("The area", map::map(&report.area, &report.tiles)),
         ("Where it is least even", worst(&report.worst)),
@@ -266,6 +276,33 @@ fn tile_map(tiles: &[TileRow]) -> String {
     )
 }
 
+/// The place from above, and the way to the viewer.
+fn before_and_after(report: &Report) -> String {
+    if report.excerpt.after.is_empty() {
+        return glimpse(&report.glimpse);
+    }
+    let name = Path::new(&report.output).file_name().unwrap_or_default();
+    let page = format!("{}{VIEWER_PAGE}", name.to_string_lossy());
+    glimpse(&report.glimpse)
+        + &format!(
+            "<p><a class=\"viewer\" href=\"{}\">Walk around a place in three dimensions, before and \
+             after</a> <span class=\"soft\">({}, beside this page)</span></p>",
+            escape(&in_address(&page)),
+            escape(&page)
+        )
+}
+
+/// A file's name as part of an address.
+fn in_address(name: &str) -> String {
+    let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~".contains(&byte);
+    name.bytes()
+        .map(|byte| match is_plain(byte) {
+            true => char::from(byte).to_string(),
+            false => format!("%{byte:02X}"),
+        })
+        .collect()
+}
+
 fn glimpse(glimpse: &Glimpse) -> String {
     if glimpse.after.is_empty() {
         return "<p>nothing to see</p>".into();
@@ -313,8 +350,26 @@ fn seams(report: &Report) -> String {
     )
 }
 
+/// How near the output is to the input, and how well it covers it.
+fn distances(report: &Report) -> String {
+    let (accuracy, coverage) = (&report.histogram_accuracy, &report.histogram_coverage);
+    // Of each its share: there are many more points in than out.
+    let shares = |counts: &[u64]| -> Vec<u64> {
+        let all: u64 = counts.iter().sum();
+        let share = |&count: &u64| (1e6 * count as f64 / all.max(1) as f64) as u64;
+        counts.iter().map(share).collect()
+    };
+    chart::histograms(
+        "histograms of distances: input to output and output to input",
+        &[("input", &shares(coverage)), ("output", &shares(accuracy))],
+        SPANNED,
+    ) + "<p class=\"legend\"><span class=\"input\"></span> from the input to the output: coverage \
+         <span class=\"output\"></span> from the output to the input: accuracy</p>\
+         <p class=\"soft\">shares of all points; the last bar is two spacings and more</p>"
+}
+
 fn stages(report: &Report) -> String {
-    let mebibytes = |bytes: u64| format!("{} MiB", thousands(bytes >> 20));
+    let mebibytes = |bytes: u64| format!("{} MiB", thousands(bytes.div_ceil(1 << 20)));
     let rows = report.stages.iter().map(|stage| {
         vec![
             stage.stage.clone(),
@@ -322,12 +377,19 @@ fn stages(report: &Report) -> String {
             stage.peak.map_or("–".into(), mebibytes),
         ]
     });
-    table(&["stage", "seconds", "peak memory so far"], rows)
+    let peak = report.memory_peak.map_or("–".into(), mebibytes);
+    chart::over_time(&report.over_time, &report.stages, report.memory_budget)
         + &format!(
-            "<p class=\"soft\">budget {}, temporary files {}</p>",
+            "<p class=\"legend\"><span class=\"output\"></span> memory, up to {peak} of {}{} \
+             <span class=\"seeds\"></span> temporary files, up to {}</p>",
             mebibytes(report.memory_budget),
-            mebibytes(report.temporary)
+            match report.memory_peak {
+                Some(peak) if 1.2 * peak as f64 >= report.memory_budget as f64 => " (dashed)",
+                _ => "",
+            },
+            mebibytes(report.temporary_peak)
         )
+        + &table(&["stage", "seconds", "peak memory so far"], rows)
 }
 
 fn inputs(report: &Report) -> String {
@@ -379,6 +441,11 @@ mod tests {
     fn text_cannot_become_markup() {
         let cell = table(&["a"], [vec!["<script>&\"".to_owned()]].into_iter());
         assert!(cell.contains("&lt;script&gt;&amp;&quot;") && !cell.contains("<script>"));
+    }
+
+    #[test]
+    fn a_name_can_be_any_part_of_an_address() {
+        assert_eq!(in_address("a b#ü.laz"), "a%20b%23%C3%BC.laz");
     }
 
     #[test]
