@@ -117,7 +117,7 @@ fn packed(points: &[ShownPoint]) -> String {
     planes.extend(points.iter().map(|point| point.intensity));
     planes.extend(points.iter().map(|point| point.class));
     planes.extend(points.iter().map(|point| point.distance));
-    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
+    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
     // Memory takes what it is given.
     let compressed = encoder.write_all(&planes).and_then(|()| encoder.finish());
     STANDARD.encode(compressed.unwrap_or_default())
