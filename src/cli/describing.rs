@@ -53,6 +53,27 @@ fn table(choices: &Choices) -> toml::Table {
     toml::Table::try_from(choices).unwrap_or_default()
 }
 
+/// The flags that make these choices.
+pub(super) fn flags(choices: &Choices) -> Vec<String> {
+    let text = |value: &toml::Value| match value {
+        toml::Value::String(text) => text.clone(),
+        other => other.to_string(),
+    };
+    let mut flags = Vec::new();
+    for (name, value) in table(choices) {
+        match value {
+            toml::Value::Boolean(true) => flags.push(format!("--{name}")),
+            toml::Value::Boolean(false) => {}
+            toml::Value::Array(items) => {
+                let items: Vec<String> = items.iter().map(text).collect();
+                flags.push(format!("--{name}={}", items.join(",")));
+            }
+            one => flags.push(format!("--{name}={}", text(&one))),
+        }
+    }
+    flags
+}
+
 pub(super) fn print_completions(shell: clap_complete::Shell) -> Result<u8, JobError> {
     let mut text = Vec::new();
     clap_complete::generate(shell, &mut Arguments::command(), "lloydar", &mut text);
@@ -70,4 +91,32 @@ pub(super) fn write_manual(dir: &Path) -> Result<u8, JobError> {
         source,
     })?;
     Ok(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::FromArgMatches;
+
+    use super::*;
+
+    #[test]
+    fn flags_make_the_choices_that_they_were_made_of() {
+        let said = [
+            "--spacing=5cm",
+            "--memory=1GiB",
+            "--keep-class=2,6",
+            "--with=normals,area",
+            "--bounds=-1,-2,3.5,4",
+            "--overwrite",
+            "--patch=plane",
+            "--ratio=2%",
+            "--polygon=a b.wkt",
+        ];
+        let parsed = |flags: &[String]| {
+            let options = Choices::augment_args(clap::Command::new("options").no_binary_name(true));
+            Choices::from_arg_matches(&options.get_matches_from(flags)).unwrap()
+        };
+        let choices = parsed(&said.map(str::to_owned));
+        assert_eq!(parsed(&flags(&choices)), choices);
+    }
 }

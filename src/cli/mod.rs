@@ -1,5 +1,6 @@
 //! The commands, and what they print.
 
+mod cluster;
 mod describing;
 mod printing;
 mod simulating;
@@ -24,6 +25,7 @@ use lloydar::{
     report::{REPORT_PAGE, Report, VIEWER_PAGE, figure, thousands},
 };
 
+use cluster::{Cluster, Sharing};
 use printing::{result, say};
 use simulating::Simulation;
 use terminal::{Look, Terminal};
@@ -57,6 +59,53 @@ enum Command {
         /// The cloud that would be written
         #[arg(short, long, value_name = "FILE", default_value = "resampled.copc.laz")]
         output: PathBuf,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Submit a job to Slurm: a task that scatters, many that solve tiles, one that stitches
+    Slurm {
+        #[command(flatten)]
+        cluster: Cluster,
+        #[command(flatten)]
+        scans: Scans,
+        /// The cloud to write
+        #[arg(short, long, value_name = "FILE", default_value = "resampled.copc.laz")]
+        output: PathBuf,
+    },
+    /// First stage of a job for many processes: decode the scans, plan the tiles
+    Scatter {
+        #[command(flatten)]
+        scans: Scans,
+        /// The cloud to write in the end
+        #[arg(short, long, value_name = "FILE", default_value = "resampled.copc.laz")]
+        output: PathBuf,
+        /// Forget what an earlier run left in the job directory
+        #[arg(long)]
+        restart: bool,
+    },
+    /// Second stage: solve tiles that nobody solves; by as many processes, on as many
+    /// machines, as there are
+    Solve {
+        #[command(flatten)]
+        sharing: Sharing,
+        /// Begin with these tiles: which of how many processes this is, like 0/16
+        #[arg(long, value_name = "I/N", value_parser = cluster::shard)]
+        shard: Option<(u32, u32)>,
+    },
+    /// Last stage: wait for the tiles, solve what nobody does, write the cloud
+    Stitch {
+        #[command(flatten)]
+        sharing: Sharing,
+        /// Peak memory [default: as the job had it]
+        #[arg(long, value_name = "SIZE")]
+        memory: Option<Bytes>,
+    },
+    /// Say how far a job of many processes is
+    Status {
+        /// The job directory
+        #[arg(value_name = "JOB")]
+        dir: PathBuf,
         /// Print JSON
         #[arg(long)]
         json: bool,
@@ -211,6 +260,19 @@ fn run(command: Command) -> Result<u8, JobError> {
             output,
             json,
         } => plan_job(&scans, &output, json),
+        Command::Slurm {
+            cluster,
+            scans,
+            output,
+        } => cluster::slurm(&cluster, &scans, &output),
+        Command::Scatter {
+            scans,
+            output,
+            restart,
+        } => cluster::scatter(&scans, &output, restart),
+        Command::Solve { sharing, shard } => cluster::solve(&sharing, shard),
+        Command::Stitch { sharing, memory } => cluster::stitch(&sharing, memory),
+        Command::Status { dir, json } => cluster::status(&dir, json),
         Command::Measure {
             files,
             against,
@@ -253,13 +315,23 @@ fn pixels(text: &str) -> Result<[u32; 2], String> {
     size.ok_or_else(|| format!("`{text}` is no size; write it like 1600x900"))
 }
 
-/// The job that flags and file describe.
-fn job(scans: &Scans, output: &Path) -> Result<Job, JobError> {
+/// What flags and file choose.
+fn choices(scans: &Scans) -> Result<Choices, JobError> {
     let file = match &scans.config {
         Some(path) => Choices::from_file(path)?,
         None => Choices::default(),
     };
-    let choices = scans.choices.clone().or(file);
+    Ok(scans.choices.clone().or(file))
+}
+
+/// As many threads as can work at once.
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
+}
+
+/// The job that flags and file describe.
+fn job(scans: &Scans, output: &Path) -> Result<Job, JobError> {
+    let choices = choices(scans)?;
     let metres = match choices.has_units() {
         true => metres_per_unit(&scans.inputs, &choices)?,
         false => None,
@@ -366,7 +438,7 @@ fn measure_cloud(
     memory: Option<Bytes>,
     json: bool,
 ) -> Result<u8, JobError> {
-    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let threads = cores();
     let memory = memory.map(|bytes| bytes.0);
     let mut measured = measure(files, against, &std::env::temp_dir(), memory, threads)?;
     if let Some(dir) = truth {

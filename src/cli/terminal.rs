@@ -140,7 +140,7 @@ impl Stage {
 }
 
 /// `95` as `1:35`, and hours before that if there are any.
-fn duration(seconds: f64) -> String {
+pub(super) fn duration(seconds: f64) -> String {
     let seconds = seconds.max(0.0).round() as u64;
     let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
     match hours {

@@ -165,7 +165,7 @@ impl JobDirectory {
 
     /// Removes the results of all tiles.
     pub(super) fn forget_tiles(&self) {
-        self.forget(|name| name.starts_with("tiles."));
+        self.forget(|name| name.starts_with("tiles"));
     }
 
     /// Removes the job's files of which `wanted` says so; what cannot be removed stays.
@@ -202,20 +202,24 @@ impl JobDirectory {
 
 /// Whether `name` is that of a file that jobs make.
 fn is_own(name: &str) -> bool {
-    const STEMS: [&str; 9] = [
-        "inputs", "job", "left-out", "lock", "octree", "plan", "spacing", "spill", "tiles",
+    const STEMS: [&str; 10] = [
+        "handover", "inputs", "job", "left-out", "lock", "octree", "plan", "spacing", "spill",
+        "tiles",
     ];
-    const ENDINGS: [&str; 8] = [
+    const ENDINGS: [&str; 9] = [
         "",
         "json",
         "part",
         "bin",
         "index",
         "checkpoint",
+        "complete",
         "solved",
         "settled",
     ];
     let (stem, ending) = name.split_once('.').unwrap_or((name, ""));
+    // What processes share has numbers.
+    let stem = stem.trim_end_matches(|c: char| c == '-' || c.is_ascii_digit());
     STEMS.contains(&stem) && ENDINGS.contains(&ending)
 }
 

@@ -3,12 +3,11 @@
 use std::{
     fs::{self, File},
     path::PathBuf,
-    sync::atomic::{AtomicBool, Ordering},
+    sync::atomic::{AtomicBool, AtomicU64, Ordering},
     thread,
-    time::Instant,
 };
 
-use crossbeam::channel;
+use serde::{Deserialize, Serialize};
 
 use super::{
     Excerpt, Field, Glimpse, Held, InputCount, JobError, JobPlan, LeftOut, Progress, StageCost,
@@ -21,9 +20,9 @@ use super::{
     memory::{Budget, mebibytes},
     planning::Planning,
     provenance::{checksums, provenance},
+    queue::Queue,
     rendering::{Coloring, Picture, draw},
     scattering::{input_counts, scatter_inputs},
-    solving::{load, solve_tile},
     tiles::{SettledTiles, SolvedTiles},
     transfer::Transfer,
     writing,
@@ -52,7 +51,7 @@ const SORT_SECONDS: f64 = 1.5;
 const LOOK_SECONDS: f64 = 0.4;
 
 /// A job to be done.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Job {
     /// Files, directories and patterns.
     pub inputs: Vec<PathBuf>,
@@ -124,7 +123,7 @@ impl Job {
         report: impl FnOnce(&Outcome) -> Result<(), JobError>,
     ) -> Result<Option<Outcome>, JobError> {
         let format = self.check_output()?;
-        let pool = self.pool()?;
+        let pool = threads(self.settings.threads)?;
         let forecast = &Forecast::new(progress);
         thread::scope(|scope| {
             let mut clock = Clock::new();
@@ -179,7 +178,7 @@ impl Job {
         progress: &dyn Progress,
         cancel: &AtomicBool,
     ) -> Result<Option<JobPlan>, JobError> {
-        self.pool()?.install(|| {
+        threads(self.settings.threads)?.install(|| {
             let prepared = self.prepare(progress, cancel, &mut Clock::new())?;
             Ok(prepared.map(|running| {
                 let plan = running.plan;
@@ -212,20 +211,8 @@ impl Job {
         Budget::new(self.settings.memory, self.settings.threads)
     }
 
-    fn pool(&self) -> Result<rayon::ThreadPool, JobError> {
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(self.settings.threads)
-            .build()
-            .map_err(|e| {
-                JobError::Refused(format!(
-                    "cannot start {} threads: {e}",
-                    self.settings.threads
-                ))
-            })
-    }
-
     /// Refuses now what would fail at the end of the night.
-    fn check_output(&self) -> Result<Format, JobError> {
+    pub(super) fn check_output(&self) -> Result<Format, JobError> {
         let format = self.format()?;
         format.check_replaceable(&self.output)?;
         let wrong = |e| LasError::new(&self.output, format!("cannot be written: {e}"));
@@ -236,7 +223,7 @@ impl Job {
     }
 
     /// Survey, scatter, spacing and plan; `None` if the job is done.
-    fn prepare(
+    pub(super) fn prepare(
         &self,
         progress: &dyn Progress,
         cancel: &AtomicBool,
@@ -392,8 +379,7 @@ impl Job {
         }
     }
 
-    /// Solves the tiles that are not solved yet, reading each while the one
-    /// before it is solved.
+    /// Solves the tiles that are not solved yet.
     fn solve(
         &self,
         running: &Running,
@@ -403,56 +389,23 @@ impl Job {
     ) -> Result<SolvedTiles, JobError> {
         let tiles = &running.plan.plan.tiles;
         let mut solved_tiles = SolvedTiles::open(running.directory.path())?;
-        let (done, missing): (Vec<&Tile>, Vec<&Tile>) = tiles
+        let (done, missing): (Vec<Tile>, Vec<Tile>) = tiles
             .iter()
             .partition(|tile| solved_tiles.contains(tile.id));
         progress.begin("solve", tiles.len() as u64, done.len() as u64, Unit::Tiles);
-        let all: u64 = tiles.iter().map(|tile| tile.cost).sum();
-        let mut over: u64 = done.iter().map(|tile| tile.cost).sum();
-        progress.reach(over as f64 / all as f64);
-        let (sender, receiver) = channel::bounded(0);
-        thread::scope(|scope| {
-            scope.spawn(move || {
-                for tile in missing {
-                    let loaded = pool.install(|| {
-                        load(
-                            &running.spill,
-                            &running.plan.plan,
-                            *tile,
-                            running.survey.lattice,
-                            &running.options,
-                        )
-                    });
-                    if cancel.load(Ordering::Relaxed) || sender.send(loaded).is_err() {
-                        return;
-                    }
-                }
-            });
-            for loaded in receiver {
-                let start = Instant::now();
-                let loaded = loaded?;
-                let Tile { id, cost, .. } = loaded.tile;
-                let watch = |share: f64| {
-                    progress.reach((over as f64 + share * cost as f64) / all as f64);
-                };
-                let (solved, mut figures) = pool.install(|| {
-                    let (spill, options) = (&running.spill, &running.options);
-                    solve_tile(spill, loaded, options, &running.transfer, &watch)
-                })?;
-                over += cost;
-                progress.reach(over as f64 / all as f64);
-                figures.seconds = start.elapsed().as_secs_f64();
-                solved_tiles.add(id, &solved, &figures)?;
+        let cost = |tiles: &[Tile]| tiles.iter().map(|tile| tile.cost).sum::<u64>();
+        let (all, over) = (cost(tiles), AtomicU64::new(cost(&done)));
+        let watch = |tile: &Tile, share: f64| {
+            let over_before = over.load(Ordering::Relaxed) as f64;
+            progress.reach((over_before + share * tile.cost as f64) / all as f64);
+            if share >= 1.0 {
+                over.fetch_add(tile.cost, Ordering::Relaxed);
                 progress.advance(1);
-                if cancel.load(Ordering::Relaxed) {
-                    break;
-                }
             }
-            Ok::<(), JobError>(())
-        })?;
-        if cancel.load(Ordering::Relaxed) {
-            return Err(JobError::Tile(TileError::Cancelled));
-        }
+        };
+        running
+            .queue()
+            .solve(&missing, &mut solved_tiles, pool, &watch, cancel)?;
         progress.end();
         Ok(solved_tiles)
     }
@@ -594,20 +547,36 @@ impl Job {
     }
 }
 
+/// So many threads.
+pub(super) fn threads(count: usize) -> Result<rayon::ThreadPool, JobError> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build();
+    pool.map_err(|e| JobError::Refused(format!("cannot start {count} threads: {e}")))
+}
+
 /// A job whose tiles are known.
-struct Running {
+pub(super) struct Running {
     directory: JobDirectory,
-    survey: Survey,
+    pub(super) survey: Survey,
     /// Of the inputs, as far as they are named.
     checksums: Vec<String>,
     spill: Spill,
     options: Options,
     transfer: Transfer,
-    plan: JobPlan,
+    pub(super) plan: JobPlan,
     inputs: Vec<InputCount>,
 }
 
 impl Running {
+    fn queue(&self) -> Queue<'_> {
+        Queue {
+            spill: &self.spill,
+            plan: &self.plan.plan,
+            lattice: self.survey.lattice,
+            options: &self.options,
+            transfer: &self.transfer,
+        }
+    }
+
     /// What is worth a line, of headers and of points.
     fn notes(&self) -> Vec<String> {
         let outside = self.inputs.iter().filter(|input| input.outside > 0);

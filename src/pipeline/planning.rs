@@ -2,7 +2,7 @@
 
 use std::{collections::HashMap, fs};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{
     JobError, Progress, Survey,
@@ -22,7 +22,7 @@ use crate::{
 };
 
 /// What would be done.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct JobPlan {
     /// Points of the input.
     pub points: u64,

@@ -2,27 +2,47 @@
 
 use std::path::Path;
 
-use super::{JobError, TileFigures};
+use super::{JobError, TileFigures, sharing};
 use crate::tile::{Pack, SolvedTile, TileError};
 
 /// The tiles that are solved: two blocks each, the figures last. Where they are, the
-/// tile is solved.
+/// tile is solved. Of several files tiles are added to the last.
 #[derive(Debug)]
-pub(super) struct SolvedTiles(Pack);
+pub(super) struct SolvedTiles(Vec<Pack>);
 
 /// The name of their file in the job directory.
 const SOLVED: &str = "tiles.solved";
 const SETTLED: &str = "tiles.settled";
 
 impl SolvedTiles {
-    /// The tiles that are solved in the job directory `dir`.
+    /// The tiles that are solved in the job directory `dir`, by this process and by others.
     pub(super) fn open(dir: &Path) -> Result<Self, JobError> {
-        Ok(Self(Pack::open(&dir.join(SOLVED))?))
+        let mut packs = sharing::packs(dir)?;
+        packs.push(Pack::open(&dir.join(SOLVED))?);
+        Ok(Self(packs))
+    }
+
+    /// Those in `packs`.
+    pub(super) fn of(packs: Vec<Pack>) -> Self {
+        Self(packs)
+    }
+
+    /// The file that tiles were added to.
+    pub(super) fn into_last(mut self) -> Option<Pack> {
+        self.0.pop()
     }
 
     /// Whether `tile` is solved.
     pub(super) fn contains(&self, tile: u32) -> bool {
-        self.0.contains(figures_key(tile))
+        self.with(figures_key(tile)).is_some()
+    }
+
+    fn with(&self, key: u64) -> Option<&Pack> {
+        self.0.iter().find(|pack| pack.contains(key))
+    }
+
+    fn read(&self, key: u64) -> Result<Vec<u8>, JobError> {
+        Ok(self.with(key).ok_or_else(damaged)?.read(key)?)
     }
 
     /// Adds a tile; it is on the disk then.
@@ -34,19 +54,20 @@ impl SolvedTiles {
     ) -> Result<(), JobError> {
         let text = serde_json::to_vec(figures).expect("figures are plain numbers");
         let (solved, key) = (solved.to_bytes(), figures_key(tile));
-        self.0.append(&[(key - 1, &solved), (key, &text)])?;
-        Ok(self.0.flush()?)
+        let pack = self.0.last_mut().ok_or_else(damaged)?;
+        pack.append(&[(key - 1, &solved), (key, &text)])?;
+        Ok(pack.flush()?)
     }
 
     /// The figures of `tile`.
     pub(super) fn figures(&self, tile: u32) -> Result<TileFigures, JobError> {
-        let text = self.0.read(figures_key(tile))?;
+        let text = self.read(figures_key(tile))?;
         Ok(serde_json::from_slice(&text).map_err(|_| damaged())?)
     }
 
     /// The sites and records of `tile`.
     pub(super) fn solved(&self, tile: u32) -> Result<SolvedTile, JobError> {
-        let bytes = self.0.read(figures_key(tile) - 1)?;
+        let bytes = self.read(figures_key(tile) - 1)?;
         Ok(SolvedTile::from_bytes(&bytes).ok_or_else(damaged)?)
     }
 }

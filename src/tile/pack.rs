@@ -46,39 +46,76 @@ impl Pack {
     ///
     /// [`TileError::Io`] if that cannot be.
     pub fn open(path: &Path) -> Result<Self, TileError> {
-        let pack = || -> io::Result<Self> {
-            let mut file = File::options()
+        let pack = || {
+            let file = File::options()
                 .create(true)
                 .truncate(false)
                 .read(true)
                 .write(true)
                 .open(path)?;
-            let length = file.metadata()?.len();
-            let (mut blocks, mut end, mut last) = (HashMap::new(), 0, None);
-            while let Some((key, block)) = block_at(&mut file, end, length)? {
-                end = block.offset + block.length;
-                last = Some((key, block, blocks.insert(key, block)));
-            }
-            // Every block was on the disk before the next was begun: but for the last,
-            // which may have its length and not its content.
-            if let Some((key, block, before)) = last
-                && content(&mut file, block)?.is_none()
-            {
-                end = block.offset - HEADER_BYTES;
-                match before {
-                    Some(before) => blocks.insert(key, before),
-                    None => blocks.remove(&key),
-                };
-            }
-            file.set_len(end)?;
-            Ok(Self {
-                path: path.to_owned(),
-                file,
-                blocks,
-                end,
-            })
+            let pack = Self::found(path, file)?;
+            pack.file.set_len(pack.end)?;
+            Ok(pack)
         };
         pack().map_err(|source| TileError::io("open", path, source))
+    }
+
+    /// Makes a file at `path`, where there must be none: of several who try at once one
+    /// succeeds. `None` if it is there.
+    ///
+    /// # Errors
+    ///
+    /// [`TileError::Io`] if it cannot be made.
+    pub fn claim(path: &Path) -> Result<Option<Self>, TileError> {
+        let mut options = File::options();
+        match options.create_new(true).read(true).write(true).open(path) {
+            Ok(file) => Ok(Some(Self {
+                path: path.to_owned(),
+                file,
+                blocks: HashMap::new(),
+                end: 0,
+            })),
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => Ok(None),
+            Err(source) => Err(TileError::io("create", path, source)),
+        }
+    }
+
+    /// Opens the file at `path` to be read, which another process may be writing: what is
+    /// whole by now.
+    ///
+    /// # Errors
+    ///
+    /// [`TileError::Io`] if it cannot be read.
+    pub fn of_another(path: &Path) -> Result<Self, TileError> {
+        let pack = File::open(path).and_then(|file| Self::found(path, file));
+        pack.map_err(|source| TileError::io("open", path, source))
+    }
+
+    /// The whole blocks in `file`.
+    fn found(path: &Path, mut file: File) -> io::Result<Self> {
+        let length = file.metadata()?.len();
+        let (mut blocks, mut end, mut last) = (HashMap::new(), 0, None);
+        while let Some((key, block)) = block_at(&mut file, end, length)? {
+            end = block.offset + block.length;
+            last = Some((key, block, blocks.insert(key, block)));
+        }
+        // Every block was on the disk before the next was begun: but for the last,
+        // which may have its length and not its content.
+        if let Some((key, block, before)) = last
+            && content(&mut file, block)?.is_none()
+        {
+            end = block.offset - HEADER_BYTES;
+            match before {
+                Some(before) => blocks.insert(key, before),
+                None => blocks.remove(&key),
+            };
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            file,
+            blocks,
+            end,
+        })
     }
 
     /// Makes the file at `path` anew.
@@ -94,6 +131,18 @@ impl Pack {
     /// Whether there is a block with this key.
     pub fn contains(&self, key: u64) -> bool {
         self.blocks.contains_key(&key)
+    }
+
+    /// Gives the file another name.
+    ///
+    /// # Errors
+    ///
+    /// [`TileError::Io`] if that cannot be.
+    pub fn rename(&mut self, path: &Path) -> Result<(), TileError> {
+        std::fs::rename(&self.path, path)
+            .map_err(|source| TileError::io("rename", &self.path, source))?;
+        path.clone_into(&mut self.path);
+        Ok(())
     }
 
     /// Length of the file in bytes.
@@ -215,6 +264,28 @@ mod tests {
         }
         assert_eq!(again.bytes(), std::fs::metadata(&path).unwrap().len());
         assert_eq!(Pack::create(&path).unwrap().bytes(), 0);
+    }
+
+    #[test]
+    fn a_claim_is_one_processes_and_others_read_what_is_whole() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("pack");
+        let mut own = Pack::claim(&path).unwrap().unwrap();
+        assert!(Pack::claim(&path).unwrap().is_none());
+        own.append(&[(1, b"one"), (2, b"two")]).unwrap();
+        let whole = own.bytes();
+        own.append(&[(3, b"three")]).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &bytes[..bytes.len() - 2]).unwrap();
+        let other = Pack::of_another(&path).unwrap();
+        assert!(other.contains(2) && !other.contains(3));
+        assert_eq!(other.bytes(), whole);
+        // What is not whole may be so a moment later: it is not cut off.
+        assert_eq!(std::fs::read(&path).unwrap().len(), bytes.len() - 2);
+        let later = dir.path().join("complete");
+        own.rename(&later).unwrap();
+        assert_eq!(own.read(1).unwrap(), b"one");
+        assert!(later.exists() && !path.exists());
     }
 
     /// Wherever it is cut, and whatever is left of the last block.

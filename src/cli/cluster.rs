@@ -1,0 +1,343 @@
+//! One job by many processes: its stages as commands, and how they are given to Slurm.
+
+use std::{
+    path::{Path, PathBuf},
+    process::Command,
+    time::Duration,
+};
+
+use clap::Args;
+use lloydar::{
+    config::Bytes,
+    pipeline::{Job, JobError, JobStatus, Worker, default_directory},
+    report::thousands,
+};
+
+use super::{
+    CANCEL, Scans, describing,
+    printing::result,
+    run_and_report, stop_on_signals,
+    terminal::{Look, Terminal, duration},
+};
+
+/// A process among others.
+#[derive(Args)]
+pub(super) struct Sharing {
+    /// The job directory that `scatter` made
+    #[arg(value_name = "JOB")]
+    dir: PathBuf,
+    /// Worker threads [default: one per core]
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// Seconds of silence after which another process is taken for dead, and its tiles are
+    /// taken over
+    #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = clap::value_parser!(u64).range(15..))]
+    patience: u64,
+    /// How often tiles are begun, by whomever, before they are given up
+    #[arg(long, value_name = "N", default_value = "4", value_parser = clap::value_parser!(u32).range(1..))]
+    attempts: u32,
+    /// Show nothing but errors
+    #[arg(short, long)]
+    quiet: bool,
+    /// `json`: progress as JSON lines on standard error
+    #[arg(long, value_name = "FORMAT", value_parser = ["json", "text"], default_value = "text")]
+    log: String,
+}
+
+impl Sharing {
+    fn look(&self) -> Look {
+        Look::choose(self.quiet, self.log == "json")
+    }
+
+    fn worker(&self, shard: Option<(u32, u32)>, waits: bool) -> Worker {
+        Worker {
+            threads: self.threads.unwrap_or_else(super::cores),
+            shard,
+            patience: Duration::from_secs(self.patience),
+            attempts: self.attempts,
+            waits,
+        }
+    }
+}
+
+/// Scatters the points of a job, and leaves its tiles to others.
+pub(super) fn scatter(scans: &Scans, output: &Path, restart: bool) -> Result<u8, JobError> {
+    stop_on_signals();
+    let job = Job {
+        restart,
+        ..super::job(scans, output)?
+    };
+    let look = Look::choose(scans.quiet, scans.log == "json");
+    match job.hand_over(&Terminal::new(look), &CANCEL)? {
+        Some(plan) => result!(
+            "{} tiles are ready to be solved in {}",
+            thousands(plan.plan.tiles.len() as u64),
+            job.dir.display()
+        ),
+        None => result!("{} is complete already", output.display()),
+    }
+    Ok(0)
+}
+
+/// Solves tiles until there are none that nobody works on.
+pub(super) fn solve(sharing: &Sharing, shard: Option<(u32, u32)>) -> Result<u8, JobError> {
+    stop_on_signals();
+    let terminal = Terminal::new(sharing.look());
+    let worker = sharing.worker(shard, false);
+    worker.solve(&sharing.dir, &terminal, &CANCEL).map(|()| 0)
+}
+
+/// Waits until all tiles are solved, solves those that nobody does, and writes the output.
+pub(super) fn stitch(sharing: &Sharing, memory: Option<Bytes>) -> Result<u8, JobError> {
+    stop_on_signals();
+    let mut job = Job::handed_over(&sharing.dir)?;
+    let worker = sharing.worker(None, true);
+    worker.solve(&sharing.dir, &Terminal::new(sharing.look()), &CANCEL)?;
+    job.settings.threads = worker.threads;
+    job.settings.memory = memory.map(|bytes| bytes.0).or(job.settings.memory);
+    run_and_report(&job, sharing.look())
+}
+
+/// Prints how far a job is.
+pub(super) fn status(dir: &Path, json: bool) -> Result<u8, JobError> {
+    let status = JobStatus::of(dir)?;
+    if json {
+        result!(
+            "{}",
+            serde_json::to_string_pretty(&status).unwrap_or_default()
+        );
+        return Ok(0);
+    }
+    result!(
+        "{} of {} tiles solved, {:.0} % of the work{}",
+        thousands(status.solved),
+        thousands(status.tiles),
+        100.0 * status.share,
+        match status.seconds {
+            Some(seconds) if status.solved < status.tiles =>
+                format!("; {} to go", duration(seconds)),
+            _ => String::new(),
+        }
+    );
+    for group in &status.begun {
+        result!(
+            "  tiles {:?}: attempt {}, last heard of {:.0} s ago",
+            group.tiles,
+            group.attempt,
+            group.silent
+        );
+    }
+    Ok(0)
+}
+
+/// `3/16` as which of how many, from 0.
+pub(super) fn shard(text: &str) -> Result<(u32, u32), String> {
+    let parts = text.split_once('/').and_then(|(own, of)| {
+        let (own, of): (u32, u32) = (own.parse().ok()?, of.parse().ok()?);
+        (own < of).then_some((own, of))
+    });
+    parts.ok_or_else(|| {
+        format!("`{text}` is no shard; of sixteen the first is 0/16, the last 15/16")
+    })
+}
+
+/// What Slurm is asked for.
+#[derive(Args)]
+pub(super) struct Cluster {
+    /// Tasks that solve tiles at once
+    #[arg(long, value_name = "N", default_value = "16", value_parser = clap::value_parser!(u32).range(1..))]
+    tasks: u32,
+    /// Cores for each task
+    #[arg(long, value_name = "N", default_value = "4")]
+    cpus: u32,
+    /// Time limit of each task, as sbatch has it [default: the partition's]
+    #[arg(long, value_name = "TIME")]
+    time: Option<String>,
+    /// Partition [default: the cluster's]
+    #[arg(long, value_name = "NAME")]
+    partition: Option<String>,
+    /// Account [default: the user's]
+    #[arg(long, value_name = "NAME")]
+    account: Option<String>,
+    /// Print what would be submitted, and submit nothing
+    #[arg(long)]
+    dry_run: bool,
+}
+
+/// Memory of a task when none is asked for.
+const TASK_MEMORY: Bytes = Bytes(4 << 30);
+
+/// Submits a job to Slurm.
+pub(super) fn slurm(cluster: &Cluster, scans: &Scans, output: &Path) -> Result<u8, JobError> {
+    let script = cluster.script(scans, output)?;
+    if cluster.dry_run {
+        result!("{}", script.trim_end());
+        return Ok(0);
+    }
+    let failed = |problem: String| Err(JobError::Refused(problem));
+    match Command::new("sh").arg("-c").arg(&script).status() {
+        Ok(status) if status.success() => Ok(0),
+        Ok(_) => failed(
+            "sbatch refused; what it said stands above. --dry-run prints what it was asked".into(),
+        ),
+        Err(e) => failed(format!("cannot start a shell: {e}")),
+    }
+}
+
+impl Cluster {
+    /// The shell commands that submit the stages of a job.
+    fn script(&self, scans: &Scans, output: &Path) -> Result<String, JobError> {
+        let mut choices = super::choices(scans)?;
+        let memory = *choices.memory.get_or_insert(TASK_MEMORY);
+        choices.threads = None;
+        let job = choices
+            .job
+            .clone()
+            .unwrap_or_else(|| default_directory(output));
+        let logs = with_ending(&job, ".slurm");
+        let program = std::env::current_exe().unwrap_or_else(|_| "lloydar".into());
+        let [program, job, output] =
+            [&program, &job, output].map(|path| quoted(&path.display().to_string()));
+        let inputs: Vec<String> = scans
+            .inputs
+            .iter()
+            .map(|path| quoted(&path.display().to_string()))
+            .collect();
+        let options = describing::flags(&choices)
+            .iter()
+            .map(|flag| quoted(flag))
+            .collect::<Vec<_>>();
+        let cpus = self.cpus;
+        let scatter = format!(
+            "exec {program} scatter {} -o {output} {} --threads {cpus}",
+            inputs.join(" "),
+            options.join(" ")
+        );
+        let solve = format!(
+            "exec {program} solve {job} --threads {cpus} --shard $SLURM_ARRAY_TASK_ID/{}",
+            self.tasks
+        );
+        let stitch = format!("exec {program} stitch {job} --threads {cpus}");
+        // The budget is kept by measured costs; the margin is for what was not measured.
+        let task = (memory.0 >> 20) * 5 / 4 + 64;
+        let array = format!("--array=0-{}", self.tasks - 1);
+        Ok(format!(
+            "set -eu\n\
+             mkdir -p {logs}\n\
+             # Points to their cells, and the tiles.\n\
+             scatter=$({})\n\
+             # Tiles: who ends early takes over from the others.\n\
+             solve=$({})\n\
+             # Once more with twice the memory, if a task failed.\n\
+             again=$({})\n\
+             # One cloud. What still is missing is solved here.\n\
+             stitch=$({})\n\
+             echo \"scatter $scatter, solve $solve (again: $again), stitch $stitch\"\n\
+             echo {}\n",
+            self.sbatch("scatter", &logs, task, "", &scatter),
+            self.sbatch(
+                "solve",
+                &logs,
+                task,
+                &format!("{array} --dependency=afterok:$scatter"),
+                &solve
+            ),
+            self.sbatch(
+                "again",
+                &logs,
+                2 * task,
+                &format!("{array} --dependency=afterok:$scatter,afternotok:$solve"),
+                &solve
+            ),
+            self.sbatch(
+                "stitch",
+                &logs,
+                2 * task,
+                "--dependency=afterok:$scatter,afterany:$solve:$again",
+                &stitch
+            ),
+            quoted(&format!("lloydar status {job} says how far it is"),),
+            logs = quoted(&logs.display().to_string()),
+        ))
+    }
+
+    fn sbatch(
+        &self,
+        stage: &str,
+        logs: &Path,
+        mebibytes: u64,
+        more: &str,
+        command: &str,
+    ) -> String {
+        let log = quoted(
+            &logs
+                .join(format!("{stage}-%A-%a.log"))
+                .display()
+                .to_string(),
+        );
+        let asked = [
+            ("time", &self.time),
+            ("partition", &self.partition),
+            ("account", &self.account),
+        ];
+        let asked: String = asked
+            .iter()
+            .filter_map(|(name, value)| Some(format!(" --{name}={}", quoted(value.as_deref()?))))
+            .collect();
+        // A task that is killed begins again where it was; before its time is up it is told.
+        format!(
+            "sbatch --parsable --job-name=lloydar-{stage} --output={log} --open-mode=append --requeue \
+             --kill-on-invalid-dep=yes --signal=B:TERM@60 --nodes=1 --ntasks=1 --cpus-per-task={} \
+             --mem={mebibytes}M{asked} {more} --wrap={}",
+            self.cpus,
+            quoted(command)
+        )
+    }
+}
+
+fn with_ending(path: &Path, ending: &str) -> PathBuf {
+    let mut name = path.to_owned().into_os_string();
+    name.push(ending);
+    name.into()
+}
+
+/// `text` as one word of a shell.
+fn quoted(text: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./=,:@%+".contains(c);
+    match !text.is_empty() && text.chars().all(is_plain) {
+        true => text.to_owned(),
+        false => format!("'{}'", text.replace('\'', r"'\''")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_word_of_a_shell_is_one_word() {
+        for text in [
+            "plain/path.laz",
+            "",
+            "a b",
+            "it's",
+            "$HOME `x` \"y\" \\",
+            "é;&|",
+        ] {
+            let said = Command::new("sh")
+                .args(["-c", &format!("printf %s {}", quoted(text))])
+                .output()
+                .unwrap();
+            assert_eq!(String::from_utf8(said.stdout).unwrap(), text);
+        }
+    }
+
+    #[test]
+    fn shards_are_counted_from_nought() {
+        assert_eq!(shard("0/1"), Ok((0, 1)));
+        assert_eq!(shard("15/16"), Ok((15, 16)));
+        for wrong in ["16/16", "1", "a/b", "-1/4"] {
+            assert!(shard(wrong).unwrap_err().contains("0/16"), "{wrong}");
+        }
+    }
+}

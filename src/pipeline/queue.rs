@@ -1,0 +1,76 @@
+//! Tiles one after the other, each read while the one before it is solved.
+
+use std::{
+    sync::atomic::{AtomicBool, Ordering},
+    thread,
+    time::Instant,
+};
+
+use crossbeam::channel;
+
+use super::{
+    JobError,
+    solving::{load, solve_tile},
+    tiles::SolvedTiles,
+    transfer::Transfer,
+};
+use crate::{
+    geometry::Lattice,
+    lloyd::Options,
+    tile::{Plan, Spill, Tile, TileError},
+};
+
+/// What tiles are solved from.
+pub(super) struct Queue<'a> {
+    pub(super) spill: &'a Spill,
+    pub(super) plan: &'a Plan,
+    pub(super) lattice: Lattice,
+    pub(super) options: &'a Options,
+    pub(super) transfer: &'a Transfer,
+}
+
+impl Queue<'_> {
+    /// Solves `tiles` and adds them to `solved`. `watch` is told what share of the tile at
+    /// work is done: all of it, once it is on the disk.
+    pub(super) fn solve(
+        &self,
+        tiles: &[Tile],
+        solved: &mut SolvedTiles,
+        pool: &rayon::ThreadPool,
+        watch: &(dyn Fn(&Tile, f64) + Sync),
+        cancel: &AtomicBool,
+    ) -> Result<(), JobError> {
+        let (sender, receiver) = channel::bounded(0);
+        thread::scope(|scope| {
+            scope.spawn(move || {
+                for &tile in tiles {
+                    let loaded = pool
+                        .install(|| load(self.spill, self.plan, tile, self.lattice, self.options));
+                    if cancel.load(Ordering::Relaxed) || sender.send(loaded).is_err() {
+                        return;
+                    }
+                }
+            });
+            for loaded in receiver {
+                let start = Instant::now();
+                let loaded = loaded?;
+                let tile = loaded.tile;
+                let (result, mut figures) = pool.install(|| {
+                    let watch = |share| watch(&tile, share);
+                    solve_tile(self.spill, loaded, self.options, self.transfer, &watch)
+                })?;
+                figures.seconds = start.elapsed().as_secs_f64();
+                solved.add(tile.id, &result, &figures)?;
+                watch(&tile, 1.0);
+                if cancel.load(Ordering::Relaxed) {
+                    break;
+                }
+            }
+            Ok::<(), JobError>(())
+        })?;
+        match cancel.load(Ordering::Relaxed) {
+            true => Err(JobError::Tile(TileError::Cancelled)),
+            false => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,249 @@
+//! One job by many processes: its stages as commands, and the way they are given to Slurm.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+mod running;
+
+use std::{
+    fs,
+    os::unix::fs::PermissionsExt,
+    path::{Path, PathBuf},
+    process::{Child, Command, Output, Stdio},
+    time::Duration,
+};
+
+use running::{lloydar, street, succeed, text};
+
+const OPTIONS: [&str; 6] = ["--spacing", "0.4", "--tile-size", "15", "--iterations", "8"];
+
+fn program() -> PathBuf {
+    assert_cmd::cargo::cargo_bin("lloydar")
+}
+
+fn start(arguments: &[&str]) -> Child {
+    Command::new(program())
+        .args(arguments)
+        .env("SOURCE_DATE_EPOCH", "1700000000")
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+fn said(done: &Output) -> String {
+    String::from_utf8_lossy(&done.stderr).into_owned() + &String::from_utf8_lossy(&done.stdout)
+}
+
+fn well(arguments: &[&str]) -> String {
+    let done = lloydar(arguments);
+    assert!(done.status.success(), "{arguments:?}: {}", said(&done));
+    said(&done)
+}
+
+/// A scattered job that would write `many.copc.laz`, its directory, and what must come out.
+fn scattered(dir: &Path) -> (PathBuf, PathBuf, Vec<u8>) {
+    let scans = street(dir);
+    let (one, many) = (dir.join("one.copc.laz"), dir.join("many.copc.laz"));
+    succeed(&scans, &one, &OPTIONS);
+    let mut scatter = vec!["scatter", text(&scans), "-o", text(&many), "--quiet"];
+    scatter.extend(OPTIONS);
+    well(&scatter);
+    // Once more: it is known again.
+    assert!(well(&scatter).contains("ready to be solved"));
+    let job = dir.join("many.copc.laz.job");
+    (many, job, fs::read(one).unwrap())
+}
+
+fn solved(job: &Path) -> [u64; 2] {
+    let status = well(&["status", text(job), "--json"]);
+    let status: serde_json::Value = serde_json::from_str(&status).unwrap();
+    ["solved", "tiles"].map(|name| status[name].as_u64().unwrap())
+}
+
+#[test]
+fn whoever_dies_the_cloud_is_that_of_one_process() {
+    let dir = tempfile::tempdir().unwrap();
+    let (many, job, expected) = scattered(dir.path());
+    let shards = ["0/3", "1/3", "2/3"];
+    let mut workers: Vec<Child> = shards
+        .iter()
+        .map(|shard| {
+            start(&[
+                "solve",
+                text(&job),
+                "--shard",
+                shard,
+                "--threads",
+                "1",
+                "--patience",
+                "15",
+            ])
+        })
+        .collect();
+    while solved(&job)[0] == 0 {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    workers[1].kill().unwrap();
+    workers[1].wait().unwrap();
+    for worker in [0, 2] {
+        let ended = workers[worker].wait().unwrap();
+        assert!(ended.success(), "{ended}");
+    }
+    let [solved, tiles] = solved(&job);
+    assert!(solved == tiles && tiles >= 8, "{solved} of {tiles}");
+    // Nothing is left to do: nothing is done.
+    well(&["solve", text(&job), "--quiet"]);
+    well(&["stitch", text(&job), "--quiet"]);
+    assert!(fs::read(&many).unwrap() == expected, "not the same bytes");
+    assert!(!job.exists());
+    let done = lloydar(&["stitch", text(&job)]);
+    assert!(said(&done).contains("lloydar scatter"), "{}", said(&done));
+}
+
+#[test]
+fn one_process_goes_on_where_many_were_and_stitch_solves_what_is_left() {
+    let dir = tempfile::tempdir().unwrap();
+    let (many, job, expected) = scattered(dir.path());
+    let mut worker = start(&["solve", text(&job), "--threads", "1"]);
+    while solved(&job)[0] < 2 {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    worker.kill().unwrap();
+    worker.wait().unwrap();
+    // What a process that was killed has solved is not solved again …
+    let before = solved(&job)[0];
+    assert!(before >= 2);
+    // … but after a while taken over, here by the last stage.
+    well(&["stitch", text(&job), "--quiet", "--patience", "15"]);
+    assert!(fs::read(&many).unwrap() == expected, "not the same bytes");
+}
+
+#[test]
+fn tiles_that_kill_who_solves_them_are_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let (_, job, _) = scattered(dir.path());
+    fs::write(job.join("tiles-0-0.solved"), "").unwrap();
+    let done = lloydar(&[
+        "solve",
+        text(&job),
+        "--quiet",
+        "--patience",
+        "15",
+        "--attempts",
+        "1",
+    ]);
+    assert_eq!(done.status.code(), Some(1), "{}", said(&done));
+    let said = said(&done);
+    assert!(
+        said.contains("tiles [") && said.contains("--attempts 2"),
+        "{said}"
+    );
+    // All others are solved.
+    let [solved, tiles] = solved(&job);
+    assert_eq!(solved, tiles - 1);
+    well(&[
+        "solve",
+        text(&job),
+        "--quiet",
+        "--patience",
+        "15",
+        "--attempts",
+        "2",
+    ]);
+}
+
+/// A program that runs what it is asked to submit, at once; of an array all tasks at the same
+/// time.
+const SBATCH: &str = r#"#!/bin/sh
+tasks=
+for word in "$@"; do
+    case $word in
+        --array=0-*) tasks=$(seq 0 "${word#--array=0-}") ;;
+        --wrap=*) command=${word#--wrap=} ;;
+        --job-name=lloydar-again) exec echo 0 ;;
+    esac
+done
+if [ -n "$tasks" ]; then
+    for task in $tasks; do
+        SLURM_ARRAY_TASK_ID=$task sh -c "$command" >&2 &
+    done
+    wait
+else
+    sh -c "$command" >&2
+fi
+echo 17
+"#;
+
+#[test]
+fn what_is_submitted_does_the_job_whatever_the_names() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = street(dir.path());
+    let one = dir.path().join("one.laz");
+    succeed(&scans, &one, &OPTIONS);
+    let place = dir.path().join("o'clock & more");
+    fs::create_dir(&place).unwrap();
+    let many = place.join("many points.laz");
+    let tool = dir.path().join("sbatch");
+    fs::write(&tool, SBATCH).unwrap();
+    fs::set_permissions(&tool, fs::Permissions::from_mode(0o755)).unwrap();
+    let mut arguments = vec![
+        "slurm",
+        text(&scans),
+        "-o",
+        text(&many),
+        "--tasks",
+        "3",
+        "--cpus",
+        "1",
+    ];
+    arguments.extend(OPTIONS);
+    let submit = |more: &[&str]| {
+        let path = format!(
+            "{}:{}",
+            dir.path().display(),
+            std::env::var("PATH").unwrap()
+        );
+        Command::new(program())
+            .args(&arguments)
+            .args(more)
+            .env("PATH", path)
+            .env("SOURCE_DATE_EPOCH", "1700000000")
+            .output()
+            .unwrap()
+    };
+    let dry = submit(&["--dry-run", "--partition", "night", "--time", "08:00:00"]);
+    let script = said(&dry);
+    for asked in [
+        "--array=0-2",
+        "--partition=night",
+        "--time=08:00:00",
+        "--requeue",
+        "--mem=",
+    ] {
+        assert!(script.contains(asked), "{asked}: {script}");
+    }
+    assert!(!many.exists());
+    let done = submit(&[]);
+    assert!(done.status.success(), "{}", said(&done));
+    assert!(
+        fs::read(&many).unwrap() == fs::read(&one).unwrap(),
+        "not the same bytes"
+    );
+    // The recipe for machines without a scheduler.
+    let again = dir.path().join("again.laz");
+    let mut scatter = vec!["scatter", text(&scans), "-o", text(&again), "--quiet"];
+    scatter.extend(OPTIONS);
+    well(&scatter);
+    let job = dir.path().join("again.laz.job");
+    let recipe = "seq 0 2 | xargs -P 3 -I{} \"$0\" solve \"$1\" --shard {}/3 --quiet && \"$0\" stitch \"$1\" --quiet";
+    let done = Command::new("sh")
+        .args(["-c", recipe, text(&program()), text(&job)])
+        .env("SOURCE_DATE_EPOCH", "1700000000")
+        .output()
+        .unwrap();
+    assert!(done.status.success(), "{}", said(&done));
+    assert!(
+        fs::read(&again).unwrap() == fs::read(&one).unwrap(),
+        "not the same bytes"
+    );
+}
