@@ -33,7 +33,7 @@ pub(super) struct Sharing {
     /// taken over
     #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = clap::value_parser!(u64).range(15..))]
     patience: u64,
-    /// How often tiles are begun, by whomever, before they are given up
+    /// How many processes may die over tiles before those are given up
     #[arg(long, value_name = "N", default_value = "4", value_parser = clap::value_parser!(u32).range(1..))]
     attempts: u32,
     /// Show nothing but errors

@@ -206,7 +206,7 @@ fn is_own(name: &str) -> bool {
         "handover", "inputs", "job", "left-out", "lock", "octree", "plan", "spacing", "spill",
         "tiles",
     ];
-    const ENDINGS: [&str; 9] = [
+    const ENDINGS: [&str; 10] = [
         "",
         "json",
         "part",
@@ -214,6 +214,7 @@ fn is_own(name: &str) -> bool {
         "index",
         "checkpoint",
         "complete",
+        "left",
         "solved",
         "settled",
     ];

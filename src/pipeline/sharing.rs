@@ -7,7 +7,8 @@
 //! all: no locks are needed. While a process works it touches its file; a file that nobody
 //! touches for a while is that of a dead process, and the next attempt at the group takes
 //! over what is whole in it. Should two work on one group all the same, because one was
-//! thought dead, they solve the same tiles to the same bits.
+//! thought dead, they solve the same tiles to the same bits. A process that is told to stop
+//! says so: it renames its file to `….left`.
 
 use std::{
     collections::HashMap,
@@ -32,6 +33,8 @@ use crate::tile::{Pack, Plan, Spill, Tile, TileError};
 const MOST_GROUPS: usize = 256;
 /// How often a process says that it lives.
 const BEAT: Duration = Duration::from_secs(5);
+/// How often is looked whether it is told to stop: it has less than a second then.
+const HEED: Duration = Duration::from_millis(100);
 /// How often is looked whether others live.
 const LOOK: Duration = Duration::from_millis(500);
 
@@ -45,7 +48,7 @@ pub struct Worker {
     /// After so long a silence a process is taken for dead. More than a few beats, which
     /// come every five seconds.
     pub patience: Duration,
-    /// How often a group is begun, by whomever, before it is given up.
+    /// How many processes may die over a group before it is given up.
     pub attempts: u32,
     /// Whether it waits until all tiles are solved; or else it ends as soon as there are none
     /// that nobody works on.
@@ -101,12 +104,31 @@ fn groups(plan: &Plan) -> Vec<Vec<Tile>> {
 struct Claim {
     group: usize,
     attempt: u32,
-    is_complete: bool,
+    ending: Ending,
     path: PathBuf,
 }
 
-const SOLVED: &str = "solved";
-const COMPLETE: &str = "complete";
+/// What became of an attempt, as its name says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Ending {
+    /// Somebody works on it, or died over it.
+    Solved,
+    Complete,
+    /// Somebody was told to stop.
+    Left,
+}
+
+impl Ending {
+    const ALL: [Self; 3] = [Self::Solved, Self::Complete, Self::Left];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Solved => "solved",
+            Self::Complete => "complete",
+            Self::Left => "left",
+        }
+    }
+}
 
 impl Claim {
     fn of_path(path: PathBuf) -> Option<Self> {
@@ -115,17 +137,13 @@ impl Claim {
         Some(Self {
             group: group.parse().ok()?,
             attempt: attempt.parse().ok()?,
-            is_complete: match ending {
-                SOLVED => false,
-                COMPLETE => true,
-                _ => return None,
-            },
+            ending: Ending::ALL.into_iter().find(|e| e.name() == ending)?,
             path,
         })
     }
 
-    fn name(group: usize, attempt: u32, ending: &str) -> String {
-        format!("tiles-{group}-{attempt}.{ending}")
+    fn name(group: usize, attempt: u32, ending: Ending) -> String {
+        format!("tiles-{group}-{attempt}.{}", ending.name())
     }
 
     /// All claims in the job directory `dir`.
@@ -143,11 +161,11 @@ impl Claim {
 
 /// The tiles that processes have solved which share the job in `dir`.
 pub(super) fn packs(dir: &Path) -> Result<Vec<Pack>, JobError> {
-    packs_of(&Claim::all(dir)?)
+    packs_of(Claim::all(dir)?.iter())
 }
 
-fn packs_of(claims: &[Claim]) -> Result<Vec<Pack>, JobError> {
-    let packs = claims.iter().map(|claim| Pack::of_another(&claim.path));
+fn packs_of<'a>(claims: impl Iterator<Item = &'a Claim>) -> Result<Vec<Pack>, JobError> {
+    let packs = claims.map(|claim| Pack::of_another(&claim.path));
     Ok(packs.collect::<Result<_, TileError>>()?)
 }
 
@@ -178,17 +196,25 @@ impl Watch {
     /// whether its file changes, by this process's clock: clocks of machines differ.
     fn states(&mut self, claims: &[Claim], count: usize) -> Vec<State> {
         let mut states = vec![State::Free(0); count];
+        let mut deaths = vec![0; count];
         for claim in claims {
             let Some(state) = states.get_mut(claim.group) else {
                 continue;
             };
-            if claim.is_complete || *state == State::Complete {
+            if claim.ending == Ending::Complete || *state == State::Complete {
                 *state = State::Complete;
                 continue;
             }
-            *state = match self.has_changed(&claim.path) {
+            let is_alive = match claim.ending {
+                Ending::Left => None,
+                _ => self.has_changed(&claim.path),
+            };
+            if is_alive.is_none() && claim.ending == Ending::Solved {
+                deaths[claim.group] += 1;
+            }
+            *state = match is_alive {
                 Some(is_alive) => State::Taken { is_alive },
-                None if claim.attempt + 1 >= self.attempts => State::GivenUp,
+                None if deaths[claim.group] >= self.attempts => State::GivenUp,
                 None => State::Free(claim.attempt + 1),
             };
         }
@@ -251,6 +277,11 @@ impl Worker {
         }
         let tiles = plan.plan.tiles.len() as u64;
         progress.begin("solve", tiles, 0, Unit::Tiles);
+        let done = |_: &Tile, share: f64| {
+            if share >= 1.0 {
+                progress.advance(1);
+            }
+        };
         let mut watch = Watch {
             patience: self.patience,
             attempts: self.attempts,
@@ -267,29 +298,22 @@ impl Worker {
                 _ => None,
             });
             if let Some((group, attempt)) = free {
-                let path = dir.join(Claim::name(group, attempt, SOLVED));
-                let Some(own) = Pack::claim(&path)? else {
-                    continue;
-                };
-                let earlier: Vec<Claim> = claims.into_iter().filter(|c| c.group == group).collect();
-                let mut packs = packs_of(&earlier)?;
-                packs.push(own);
-                let mut solved = SolvedTiles::of(packs);
-                let missing: Vec<Tile> = groups[group]
-                    .iter()
-                    .copied()
-                    .filter(|tile| !solved.contains(tile.id))
-                    .collect();
-                let done = |_: &Tile, share: f64| {
-                    if share >= 1.0 {
-                        progress.advance(1);
-                    }
-                };
-                beating(&path, || {
-                    queue.solve(&missing, &mut solved, &pool, &done, cancel)
-                })?;
-                if let Some(mut own) = solved.into_last() {
-                    own.rename(&dir.join(Claim::name(group, attempt, COMPLETE)))?;
+                let path = dir.join(Claim::name(group, attempt, Ending::Solved));
+                // If it is there by now, another process was faster.
+                if let Some(own) = Pack::claim(&path)? {
+                    let mut packs = packs_of(claims.iter().filter(|c| c.group == group))?;
+                    packs.push(own);
+                    let mut solved = SolvedTiles::of(packs);
+                    let missing: Vec<Tile> = groups[group]
+                        .iter()
+                        .copied()
+                        .filter(|tile| !solved.contains(tile.id))
+                        .collect();
+                    let named = |ending| dir.join(Claim::name(group, attempt, ending));
+                    beating(&path, &named(Ending::Left), cancel, || {
+                        queue.solve(&missing, &mut solved, &pool, &done, cancel)
+                    })?;
+                    solved.rename_last(&named(Ending::Complete))?;
                 }
                 continue;
             }
@@ -308,8 +332,7 @@ impl Worker {
                 return Ok(());
             } else {
                 return Err(JobError::Refused(format!(
-                    "tiles {given_up:?} were begun {} times and no process came to their end: it was \
-                     killed, or its machine was. They take up to {} each, with one process to a \
+                    "tiles {given_up:?}: {} processes died over them, or their machines did. They take up to {} each, with one process to a \
                      machine; see to that, and give --attempts {} to try them again",
                     self.attempts,
                     mebibytes(plan.memory),
@@ -320,15 +343,24 @@ impl Worker {
     }
 }
 
-/// Does `work`, and touches the file at `path` all the while.
-fn beating<T>(path: &Path, work: impl FnOnce() -> T) -> T {
+/// Does `work`, and touches the file at `path` all the while; once `cancel` is set, it is given
+/// the name `left`.
+fn beating<T>(path: &Path, left: &Path, cancel: &AtomicBool, work: impl FnOnce() -> T) -> T {
     let (working, done) = channel::bounded::<()>(0);
     thread::scope(|scope| {
         scope.spawn(move || {
-            while done.recv_timeout(BEAT) == Err(RecvTimeoutError::Timeout) {
-                // Where it fails the others think us dead, and that does no harm.
-                if let Ok(file) = File::options().append(true).open(path) {
+            let mut beat = Instant::now();
+            while done.recv_timeout(HEED) == Err(RecvTimeoutError::Timeout) {
+                // Where this fails the others think us dead, and that does no harm.
+                if cancel.load(Ordering::Relaxed) {
+                    drop(fs::rename(path, left));
+                    return;
+                }
+                if beat.elapsed() >= BEAT
+                    && let Ok(file) = File::options().append(true).open(path)
+                {
                     drop(file.set_modified(SystemTime::now()));
+                    beat = Instant::now();
                 }
             }
         });
@@ -359,11 +391,11 @@ impl JobStatus {
         let claims = Claim::all(dir)?;
         let is_over = |claim: &Claim| {
             let of_group = || claims.iter().filter(|other| other.group == claim.group);
-            of_group().any(|other| other.is_complete || other.attempt > claim.attempt)
+            of_group().any(|o| o.ending == Ending::Complete || o.attempt > claim.attempt)
         };
         let begun: Vec<BegunGroup> = claims
             .iter()
-            .filter(|claim| !is_over(claim))
+            .filter(|claim| claim.ending == Ending::Solved && !is_over(claim))
             .filter_map(|claim| {
                 let modified = fs::metadata(&claim.path).ok()?.modified().ok()?;
                 Some(BegunGroup {
@@ -431,7 +463,7 @@ mod tests {
     #[test]
     fn a_silent_process_is_taken_for_dead_and_a_living_one_is_not() {
         let dir = tempfile::tempdir().unwrap();
-        let claim = |attempt| dir.path().join(Claim::name(0, attempt, SOLVED));
+        let claim = |attempt| dir.path().join(Claim::name(0, attempt, Ending::Solved));
         let states = |watch: &mut Watch| watch.states(&Claim::all(dir.path()).unwrap(), 2);
         let mut watch = Watch {
             patience: Duration::from_millis(200),
@@ -449,11 +481,19 @@ mod tests {
         }
         thread::sleep(Duration::from_millis(150));
         assert_eq!(states(&mut watch), [State::Free(1), State::Free(0)]);
-        fs::write(claim(1), "").unwrap();
+        // One that was told to stop is not dead, and no trouble.
+        let left = dir.path().join(Claim::name(0, 1, Ending::Left));
+        fs::write(left, "").unwrap();
+        assert_eq!(states(&mut watch), [State::Free(2), State::Free(0)]);
+        fs::write(claim(2), "").unwrap();
         assert_eq!(states(&mut watch), taken(false));
         thread::sleep(Duration::from_millis(250));
         assert_eq!(states(&mut watch), [State::GivenUp, State::Free(0)]);
-        fs::rename(claim(0), dir.path().join(Claim::name(0, 0, COMPLETE))).unwrap();
+        fs::rename(
+            claim(0),
+            dir.path().join(Claim::name(0, 0, Ending::Complete)),
+        )
+        .unwrap();
         assert_eq!(states(&mut watch), [State::Complete, State::Free(0)]);
     }
 }

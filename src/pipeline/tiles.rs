@@ -27,9 +27,10 @@ impl SolvedTiles {
         Self(packs)
     }
 
-    /// The file that tiles were added to.
-    pub(super) fn into_last(mut self) -> Option<Pack> {
-        self.0.pop()
+    /// Gives the file that tiles were added to another name.
+    pub(super) fn rename_last(&mut self, path: &Path) -> Result<(), JobError> {
+        let pack = self.0.last_mut().ok_or_else(damaged)?;
+        Ok(pack.rename(path)?)
     }
 
     /// Whether `tile` is solved.
