@@ -122,6 +122,23 @@ impl Stage {
         Some(self.start.elapsed().as_secs_f64() * rest / now as f64)
     }
 
+    /// How much is done, how fast.
+    fn count(&self) -> String {
+        let (done, total) = (self.done, self.total);
+        match self.unit {
+            Unit::Tiles => format!("{done} of {total} tiles"),
+            Unit::Points => {
+                let millions = |points: u64| 1e-6 * points as f64;
+                let speed = millions(done - self.before) / self.start.elapsed().as_secs_f64();
+                format!(
+                    "{:.1} of {:.1} M points, {speed:.1} M/s",
+                    millions(done),
+                    millions(total)
+                )
+            }
+        }
+    }
+
     /// Memory, and how long the run will take, or at least this stage of it.
     fn outlook(&self, standing: &Standing) -> String {
         let mebibytes = |bytes: u64| bytes.div_ceil(1 << 20);
@@ -152,13 +169,7 @@ pub(super) fn duration(seconds: f64) -> String {
 impl Progress for Terminal {
     fn begin(&self, stage: &str, total: u64, done: u64, unit: Unit) {
         let bar = (self.look == Look::Bars).then(|| {
-            let template = match unit {
-                Unit::Points => {
-                    "{prefix:8} {wide_bar} {human_pos}/{human_len} points {per_sec}; {msg}"
-                }
-                Unit::Tiles => "{prefix:8} {wide_bar} {pos}/{len} tiles; {msg}",
-            };
-            let style = ProgressStyle::with_template(template)
+            let style = ProgressStyle::with_template("{prefix:8} {wide_bar} {msg}")
                 .unwrap_or_else(|_| ProgressStyle::default_bar());
             let bar = ProgressBar::new(total)
                 .with_style(style)
@@ -197,7 +208,7 @@ impl Progress for Terminal {
         let mut state = self.state();
         if let Some(stage) = state.stage.take() {
             match &stage.bar {
-                Some(bar) => bar.finish_with_message("done"),
+                Some(bar) => bar.finish_with_message(stage.count()),
                 None => self.line(&stage, &state.standing, "end"),
             }
         }
@@ -217,7 +228,7 @@ impl Progress for Terminal {
             _ => BETWEEN_LINES,
         };
         if let Some(bar) = &stage.bar {
-            bar.set_message(stage.outlook(standing));
+            bar.set_message(format!("{}; {}", stage.count(), stage.outlook(standing)));
         } else if state.last_line.elapsed() >= between {
             self.line(stage, standing, "progress");
             state.last_line = Instant::now();

@@ -317,7 +317,9 @@ impl Report {
         }
         let all: f64 = self.stages.iter().map(|stage| stage.seconds).sum();
         let stages = self.stages.iter();
+        // Those that matter: the report has all.
         let stages: Vec<String> = stages
+            .filter(|stage| stage.seconds > 0.01 * all)
             .map(|stage| format!("{} {:.1}", stage.stage, stage.seconds))
             .collect();
         let mebibytes = |bytes: u64| thousands(bytes.div_ceil(1 << 20));

@@ -1,6 +1,6 @@
 //! Four questions that the morning asks.
 
-use super::{Report, figure};
+use super::{Report, figure, thousands};
 
 /// An answer, with the figures behind it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -30,6 +30,22 @@ fn verdict(question: &'static str, good: bool, figures: String) -> Verdict {
         answer: if good { "yes" } else { "look" },
         figures,
     }
+}
+
+/// What was read and written; of what is missing, only what there is.
+fn complete(written: u64, read: u64, [filtered, rejected, outside]: [u64; 3]) -> String {
+    let missing = [
+        (filtered, "left out as asked"),
+        (rejected, "rejected"),
+        (outside, "outside of their header's bounds"),
+    ];
+    let missing: String = missing
+        .iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, what)| format!(", {} {what}", thousands(*count)))
+        .collect();
+    let (read, written) = (thousands(read), thousands(written));
+    format!("{read} points read{missing}; {written} written")
 }
 
 /// Uniform? Faithful? Seamless? Complete?
@@ -72,7 +88,7 @@ pub fn verdicts(report: &Report) -> [Verdict; 4] {
             seams.duplicates == 0
                 && (hides_no_seam || seams.on_seams.delta <= SEAM * seams.elsewhere.delta),
             format!(
-                "δ {} on seams, {} elsewhere; {} of {} shared agree to the bit",
+                "δ {} on seams, {} elsewhere; {} of {} sites agree",
                 figure(seams.on_seams.delta),
                 figure(seams.elsewhere.delta),
                 seams.identical,
@@ -82,11 +98,7 @@ pub fn verdicts(report: &Report) -> [Verdict; 4] {
         verdict(
             "complete?",
             rejected == 0 && outside == 0,
-            format!(
-                "{read} points read, {filtered} left out as asked, {rejected} rejected, {outside} outside of their header's \
-                 bounds; {} written",
-                report.points
-            ),
+            complete(report.points, read, [filtered, rejected, outside]),
         ),
     ]
 }
