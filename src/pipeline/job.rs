@@ -10,8 +10,8 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Excerpt, Field, Glimpse, Held, InputCount, JobError, JobPlan, LeftOut, Progress, StageCost,
-    Survey, TileFigures, Unit, WorstPlace,
+    Field, InputCount, JobError, JobPlan, LeftOut, Outcome, Progress, Survey, TileFigures, Unit,
+    WorstPlace,
     clock::Clock,
     directory::{JobDirectory, Stamp},
     disk::{Need, check_room},
@@ -23,6 +23,7 @@ use super::{
     queue::Queue,
     rendering::{Coloring, Picture, draw},
     scattering::{input_counts, scatter_inputs},
+    stamps::InputStamps,
     tiles::{SettledTiles, SolvedTiles},
     transfer::Transfer,
     writing,
@@ -69,41 +70,6 @@ pub struct Job {
     pub skip_bad_files: bool,
     /// Whether what an earlier run left is forgotten.
     pub restart: bool,
-}
-
-/// What a job did.
-#[derive(Clone, Debug)]
-pub struct Outcome {
-    /// What was planned.
-    pub plan: JobPlan,
-    /// Points of each input.
-    pub inputs: Vec<InputCount>,
-    /// Figures of each tile, in the order of the plan.
-    pub tiles: Vec<TileFigures>,
-    /// What the stitch found.
-    pub stitched: writing::Stitched,
-    /// Nearest distances by tile, as written.
-    pub delta_by_tile: Vec<f64>,
-    /// Points written.
-    pub points: u64,
-    /// Bytes written.
-    pub bytes: u64,
-    /// One place before and after.
-    pub glimpse: Glimpse,
-    /// A square to be walked around.
-    pub excerpt: Excerpt,
-    /// What came out, as a picture in PNG.
-    pub portrait: Vec<u8>,
-    /// Figures square by square.
-    pub field: Field,
-    /// Where the output is least even.
-    pub worst: Vec<WorstPlace>,
-    /// What each stage took.
-    pub stages: Vec<StageCost>,
-    /// What was held over time.
-    pub held: Vec<Held>,
-    /// What is worth a line.
-    pub notes: Vec<String>,
 }
 
 impl Job {
@@ -588,42 +554,5 @@ impl Running {
             )
         });
         self.survey.notes.iter().cloned().chain(damaged).collect()
-    }
-}
-
-/// The inputs of a job as they were when it began.
-struct InputStamps(Vec<(PathBuf, Option<Stamp>)>);
-
-impl InputStamps {
-    fn of(survey: &Survey) -> Self {
-        let inputs = survey.inputs.iter().map(|input| input.path.clone());
-        let left_out = survey.left_out.iter().map(|bad| PathBuf::from(&bad.path));
-        let mut stamps: Vec<(PathBuf, Option<Stamp>)> = inputs
-            .chain(left_out)
-            .map(|path| (path.clone(), Stamp::of(&path).ok()))
-            .collect();
-        stamps.sort_by(|a, b| a.0.cmp(&b.0));
-        Self(stamps)
-    }
-
-    /// For the identity of the job, which is text.
-    fn by_name(&self) -> Vec<(String, Option<Stamp>)> {
-        let stamps = self.0.iter();
-        stamps
-            .map(|(path, stamp)| (path.display().to_string(), *stamp))
-            .collect()
-    }
-
-    /// Refuses what has changed since: half of it may have been read before.
-    fn check(&self) -> Result<(), JobError> {
-        let has_changed =
-            |(path, stamp): &&(PathBuf, Option<Stamp>)| Stamp::of(path).ok() != *stamp;
-        match self.0.iter().find(has_changed) {
-            Some((path, _)) => Err(JobError::Refused(format!(
-                "{} has changed while it was read; run again once it is complete",
-                path.display()
-            ))),
-            None => Ok(()),
-        }
     }
 }
