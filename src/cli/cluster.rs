@@ -94,7 +94,7 @@ pub(super) fn stitch(sharing: &Sharing, memory: Option<Bytes>) -> Result<u8, Job
     let worker = sharing.worker(None, true);
     worker.solve(&sharing.dir, &Terminal::new(sharing.look()), &CANCEL)?;
     job.settings.threads = worker.threads;
-    job.settings.memory = memory.map(|bytes| bytes.0).or(job.settings.memory);
+    job.settings.memory = job.settings.memory.max(memory.map(|bytes| bytes.0));
     run_and_report(&job, sharing.look())
 }
 

@@ -97,7 +97,7 @@ enum Command {
     Stitch {
         #[command(flatten)]
         sharing: Sharing,
-        /// Peak memory [default: as the job had it]
+        /// Peak memory, if it is to be more than the job had
         #[arg(long, value_name = "SIZE")]
         memory: Option<Bytes>,
     },

@@ -163,9 +163,9 @@ impl JobDirectory {
         delivered.is_some() && Stamp::of(output).ok() == delivered
     }
 
-    /// Removes the results of all tiles.
+    /// Removes the results of all tiles, and what others would solve them by.
     pub(super) fn forget_tiles(&self) {
-        self.forget(|name| name.starts_with("tiles"));
+        self.forget(|name| name.starts_with("tiles") || name == "handover.json");
     }
 
     /// Removes the job's files of which `wanted` says so; what cannot be removed stays.

@@ -14,6 +14,7 @@ use super::{
     job::{Running, threads},
 };
 use crate::{
+    config::Settings,
     las::RecordFormat,
     tile::{read_whole, write_whole},
 };
@@ -79,6 +80,12 @@ impl Job {
         prepared
             .map(|Running { survey, plan, .. }| {
                 let record = survey.record;
+                // Whatever machine stitches them: tiles of another plan would be other tiles.
+                let settings = Settings {
+                    memory: Some(plan.budget),
+                    ..job.settings
+                };
+                let job = Self { settings, ..job };
                 let handover = Handover { job, record, plan };
                 handover.write().map(|()| handover.plan)
             })
