@@ -146,6 +146,18 @@ impl Claim {
         format!("tiles-{group}-{attempt}.{}", ending.name())
     }
 
+    /// The tiles in it. Since it was listed it may have got another name.
+    fn pack(&self) -> Result<Pack, TileError> {
+        let mut pack = Pack::of_another(&self.path);
+        for ending in [Ending::Complete, Ending::Left] {
+            if pack.as_ref().is_err_and(TileError::is_missing) {
+                let name = Self::name(self.group, self.attempt, ending);
+                pack = Pack::of_another(&self.path.with_file_name(name));
+            }
+        }
+        pack
+    }
+
     /// All claims in the job directory `dir`.
     fn all(dir: &Path) -> Result<Vec<Self>, JobError> {
         let entries = fs::read_dir(dir).map_err(|e| JobError::io("read", dir, e))?;
@@ -165,7 +177,7 @@ pub(super) fn packs(dir: &Path) -> Result<Vec<Pack>, JobError> {
 }
 
 fn packs_of<'a>(claims: impl Iterator<Item = &'a Claim>) -> Result<Vec<Pack>, JobError> {
-    let packs = claims.map(|claim| Pack::of_another(&claim.path));
+    let packs = claims.map(Claim::pack);
     Ok(packs.collect::<Result<_, TileError>>()?)
 }
 
@@ -310,9 +322,15 @@ impl Worker {
                         .filter(|tile| !solved.contains(tile.id))
                         .collect();
                     let named = |ending| dir.join(Claim::name(group, attempt, ending));
-                    beating(&path, &named(Ending::Left), cancel, || {
+                    let left = named(Ending::Left);
+                    let result = beating(&path, &left, cancel, || {
                         queue.solve(&missing, &mut solved, &pool, &done, cancel)
-                    })?;
+                    });
+                    if result.is_err() {
+                        // Whatever it was, this process says so, and did not die of it.
+                        drop(fs::rename(&path, left));
+                    }
+                    result?;
                     solved.rename_last(&named(Ending::Complete))?;
                 }
                 continue;
@@ -344,7 +362,7 @@ impl Worker {
 }
 
 /// Does `work`, and touches the file at `path` all the while; once `cancel` is set, it is given
-/// the name `left`.
+/// the name `left`, for the work may be ended before it has come to its end.
 fn beating<T>(path: &Path, left: &Path, cancel: &AtomicBool, work: impl FnOnce() -> T) -> T {
     let (working, done) = channel::bounded::<()>(0);
     thread::scope(|scope| {

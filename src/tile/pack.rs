@@ -201,13 +201,37 @@ impl Pack {
     pub fn read(&self, key: u64) -> Result<Vec<u8>, TileError> {
         let damaged = || TileError::damaged(&self.path);
         let block = *self.blocks.get(&key).ok_or_else(damaged)?;
-        // A reader of its own: the other one is where the next block goes.
-        let read = File::open(&self.path).and_then(|mut file| content(&mut file, block));
-        match read {
-            Ok(found) => found.ok_or_else(damaged),
+        match self.content(block) {
+            Ok(content) if checksum(&content) == block.checksum => Ok(content),
+            Ok(_) => Err(damaged()),
             Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => Err(damaged()),
             Err(source) => Err(TileError::io("read", &self.path, source)),
         }
+    }
+}
+
+#[cfg(unix)]
+impl Pack {
+    /// What stands where `block` does. The file is read by what was opened: its name may be
+    /// another by now.
+    fn content(&self, block: Block) -> io::Result<Vec<u8>> {
+        use std::os::unix::fs::FileExt;
+        let mut content = vec![0; block.length as usize];
+        self.file.read_exact_at(&mut content, block.offset)?;
+        Ok(content)
+    }
+}
+
+#[cfg(not(unix))]
+impl Pack {
+    /// What stands where `block` does, by a reader of its own: the other one is where the next
+    /// block goes.
+    fn content(&self, block: Block) -> io::Result<Vec<u8>> {
+        let mut file = File::open(&self.path)?;
+        let mut content = vec![0; block.length as usize];
+        file.seek(SeekFrom::Start(block.offset))?;
+        file.read_exact(&mut content)?;
+        Ok(content)
     }
 }
 
@@ -280,6 +304,11 @@ mod tests {
         let other = Pack::of_another(&path).unwrap();
         assert!(other.contains(2) && !other.contains(3));
         assert_eq!(other.bytes(), whole);
+        // It is read by whatever name.
+        let moved = dir.path().join("moved");
+        std::fs::rename(&path, &moved).unwrap();
+        assert_eq!(other.read(2).unwrap(), b"two");
+        std::fs::rename(&moved, &path).unwrap();
         // What is not whole may be so a moment later: it is not cut off.
         assert_eq!(std::fs::read(&path).unwrap().len(), bytes.len() - 2);
         let later = dir.path().join("complete");
