@@ -8,26 +8,16 @@ use std::{
     fs,
     os::unix::fs::PermissionsExt,
     path::{Path, PathBuf},
-    process::{Child, Command, Output, Stdio},
+    process::{Child, Command, Output},
     time::Duration,
 };
 
-use running::{lloydar, street, succeed, text};
+use running::{lloydar, start, street, succeed, text};
 
 const OPTIONS: [&str; 6] = ["--spacing", "0.4", "--tile-size", "15", "--iterations", "8"];
 
 fn program() -> PathBuf {
     assert_cmd::cargo::cargo_bin("lloydar")
-}
-
-fn start(arguments: &[&str]) -> Child {
-    Command::new(program())
-        .args(arguments)
-        .env("SOURCE_DATE_EPOCH", "1700000000")
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap()
 }
 
 fn said(done: &Output) -> String {

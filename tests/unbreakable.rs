@@ -13,26 +13,15 @@ mod running;
 use std::{
     fs,
     path::{Path, PathBuf},
-    process::{Child, Command, Stdio},
+    process::{Command, Stdio},
     time::{Duration, Instant},
 };
 
 use las::{Builder, PointDataBuilder, Transform, Vector, Writer, point::Format};
-use running::{lloydar, points, report, run, street, succeed, text};
+use running::{lloydar, points, report, run, start, street, succeed, text};
 
 fn stderr(done: &std::process::Output) -> String {
     String::from_utf8_lossy(&done.stderr).into_owned()
-}
-
-/// Starts the program and goes on.
-fn start(arguments: &[&str]) -> Child {
-    Command::new(assert_cmd::cargo::cargo_bin("lloydar"))
-        .args(arguments)
-        .env("SOURCE_DATE_EPOCH", "1700000000")
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap()
 }
 
 /// A LAZ file of points on a scale of a millimetre.

@@ -12,13 +12,13 @@ begun = time.monotonic()
 for line in sys.stdin:
     event = json.loads(line)
     if event.get("remaining") is not None:
-        said.append((time.monotonic() - begun, event["remaining"], event["stage"]))
+        said.append((time.monotonic() - begun, event["remaining"]))
 end = time.monotonic() - begun
-later = [(at, rest, stage) for at, rest, stage in said if 0.5 * end <= at <= 0.95 * end]
-off = [abs(rest - (end - at)) / (end - at) for at, rest, _ in later]
-of_run = [abs(rest - (end - at)) / end for at, rest, _ in later]
+later = [(at, rest) for at, rest in said if 0.5 * end <= at <= 0.95 * end]
+off = [abs(rest - (end - at)) / (end - at) for at, rest in later]
+of_run = [abs(rest - (end - at)) / end for at, rest in later]
 places = ", ".join(
-    f"{100 * at / end:.0f} %: {rest:.1f} for {end - at:.1f}" for at, rest, _ in later[:: max(1, len(later) // 6)]
+    f"{100 * at / end:.0f} %: {rest:.1f} for {end - at:.1f}" for at, rest in later[:: max(1, len(later) // 6)]
 )
 print(
     f"{sys.argv[1]}: {end:.1f} s; {len(later)} forecasts from half-way to 95 %: "

@@ -18,6 +18,7 @@ use super::{
     printing::result,
     run_and_report, stop_on_signals,
     terminal::{Look, Terminal, duration},
+    with_ending,
 };
 
 /// A process among others.
@@ -293,12 +294,6 @@ impl Cluster {
             quoted(command)
         )
     }
-}
-
-fn with_ending(path: &Path, ending: &str) -> PathBuf {
-    let mut name = path.to_owned().into_os_string();
-    name.push(ending);
-    name.into()
 }
 
 /// `text` as one word of a shell.

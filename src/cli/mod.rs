@@ -414,13 +414,18 @@ fn settings(job: &Job) -> Vec<(String, String)> {
         .collect()
 }
 
+/// `path` with more at its end.
+fn with_ending(path: &Path, ending: &str) -> PathBuf {
+    let mut name = path.to_owned().into_os_string();
+    name.push(ending);
+    name.into()
+}
+
 /// Writes the report and the viewer beside the output, each complete or not at all: the
 /// names of the pages.
 fn write_report(job: &Job, report: &Report) -> Result<Vec<String>, JobError> {
     let write = |ending: &str, text: &str| {
-        let mut path = job.output.clone().into_os_string();
-        path.push(ending);
-        let path = PathBuf::from(path);
+        let path = with_ending(&job.output, ending);
         write_file(&path, text.as_bytes()).map(|()| path.display().to_string())
     };
     write(".report.json", &report.to_json())?;

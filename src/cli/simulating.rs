@@ -103,8 +103,7 @@ pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
         memory: Some(lloydar::config::Bytes(256 << 20)),
         ..Choices::default()
     };
-    let mut page = cloud.clone().into_os_string();
-    page.push(REPORT_PAGE);
+    let page = super::with_ending(&cloud, REPORT_PAGE);
     let job = Job {
         inputs: vec![scans],
         dir: default_directory(&cloud),

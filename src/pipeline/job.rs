@@ -408,7 +408,7 @@ impl Job {
             settled: &settled,
             record_length: running.transfer.record().record_length(),
             has_color: running.transfer.record().has_color(),
-            sites_per_point: running.plan.points_out as f64 / running.plan.points as f64,
+            sites_per_point: running.options.seeds_per_point,
             lattice,
             spacing,
         };

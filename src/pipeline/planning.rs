@@ -15,7 +15,7 @@ use super::{
     transfer::Transfer,
 };
 use crate::{
-    config::Target,
+    config::{Settings, Target},
     geometry::Lattice,
     lloyd::{AREA_PER_SEED, Options, Scan},
     tile::{CellKey, Plan, PlanOptions, Spill, Square},
@@ -46,6 +46,13 @@ pub struct JobPlan {
     pub seconds_to_solve: f64,
     /// Scale and offset of the output.
     pub lattice: Lattice,
+}
+
+impl JobPlan {
+    /// How the tiles are solved, as `settings` have it.
+    pub(super) fn options(&self, settings: &Settings) -> Options {
+        settings.solver(self.spacing, self.points_out as f64 / self.points as f64)
+    }
 }
 
 /// Seconds for a million points to be decoded and spilled, and for a million

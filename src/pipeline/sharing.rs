@@ -271,7 +271,7 @@ impl Worker {
         let spill = Spill::open(&dir.join("spill"))?;
         let settings = &handover.job.settings;
         let plan = &handover.plan;
-        let options = settings.solver(plan.spacing, plan.points_out as f64 / plan.points as f64);
+        let options = plan.options(settings);
         let transfer = Transfer::new(&handover.record, settings);
         let queue = Queue {
             spill: &spill,
@@ -310,7 +310,8 @@ impl Worker {
                 _ => None,
             });
             if let Some((group, attempt)) = free {
-                let path = dir.join(Claim::name(group, attempt, Ending::Solved));
+                let named = |ending| dir.join(Claim::name(group, attempt, ending));
+                let path = named(Ending::Solved);
                 // If it is there by now, another process was faster.
                 if let Some(own) = Pack::claim(&path)? {
                     let mut packs = packs_of(claims.iter().filter(|c| c.group == group))?;
@@ -321,7 +322,6 @@ impl Worker {
                         .copied()
                         .filter(|tile| !solved.contains(tile.id))
                         .collect();
-                    let named = |ending| dir.join(Claim::name(group, attempt, ending));
                     let left = named(Ending::Left);
                     let result = beating(&path, &left, cancel, || {
                         queue.solve(&missing, &mut solved, &pool, &done, cancel)
@@ -397,7 +397,8 @@ impl JobStatus {
     pub fn of(dir: &Path) -> Result<Self, JobError> {
         let handover = Handover::read(dir)?;
         let plan = &handover.plan.plan;
-        let solved = SolvedTiles::of(packs(dir)?);
+        let claims = Claim::all(dir)?;
+        let solved = SolvedTiles::of(packs_of(claims.iter())?);
         let (mut done, mut seconds) = (0, 0.0);
         let mut count = 0;
         for tile in plan.tiles.iter().filter(|tile| solved.contains(tile.id)) {
@@ -406,7 +407,6 @@ impl JobStatus {
             seconds += solved.figures(tile.id)?.seconds;
         }
         let groups = groups(plan);
-        let claims = Claim::all(dir)?;
         let is_over = |claim: &Claim| {
             let of_group = || claims.iter().filter(|other| other.group == claim.group);
             of_group().any(|o| o.ending == Ending::Complete || o.attempt > claim.attempt)

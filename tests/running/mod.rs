@@ -6,7 +6,7 @@
 use std::{
     fs,
     path::{Path, PathBuf},
-    process::Output,
+    process::{self, Child, Output, Stdio},
 };
 
 use assert_cmd::Command;
@@ -19,6 +19,17 @@ pub(crate) fn lloydar(arguments: &[&str]) -> Output {
         .env("SOURCE_DATE_EPOCH", "1700000000")
         .timeout(std::time::Duration::from_secs(300))
         .output()
+        .unwrap()
+}
+
+/// Starts the program and goes on.
+pub(crate) fn start(arguments: &[&str]) -> Child {
+    process::Command::new(assert_cmd::cargo::cargo_bin("lloydar"))
+        .args(arguments)
+        .env("SOURCE_DATE_EPOCH", "1700000000")
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
         .unwrap()
 }
 
