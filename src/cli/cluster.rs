@@ -21,6 +21,30 @@ use super::{
     with_ending,
 };
 
+/// What a process thinks of the others.
+#[derive(Args)]
+pub(super) struct Others {
+    /// Seconds of silence after which another process is taken for dead, and its work is
+    /// taken over
+    #[arg(long, value_name = "SECONDS", default_value_t = Worker::PATIENCE.as_secs(), value_parser = clap::value_parser!(u64).range(15..))]
+    patience: u64,
+    /// How many processes may die over the same work before it is given up
+    #[arg(long, value_name = "N", default_value_t = Worker::ATTEMPTS, value_parser = clap::value_parser!(u32).range(1..))]
+    attempts: u32,
+}
+
+impl Others {
+    fn worker(&self, threads: usize, shard: Option<(u32, u32)>, waits: bool) -> Worker {
+        Worker {
+            threads,
+            shard,
+            patience: Duration::from_secs(self.patience),
+            attempts: self.attempts,
+            waits,
+        }
+    }
+}
+
 /// A process among others.
 #[derive(Args)]
 pub(super) struct Sharing {
@@ -30,13 +54,8 @@ pub(super) struct Sharing {
     /// Worker threads [default: one per core]
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
-    /// Seconds of silence after which another process is taken for dead, and its tiles are
-    /// taken over
-    #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = clap::value_parser!(u64).range(15..))]
-    patience: u64,
-    /// How many processes may die over tiles before those are given up
-    #[arg(long, value_name = "N", default_value = "4", value_parser = clap::value_parser!(u32).range(1..))]
-    attempts: u32,
+    #[command(flatten)]
+    others: Others,
     /// Show nothing but errors
     #[arg(short, long)]
     quiet: bool,
@@ -51,25 +70,31 @@ impl Sharing {
     }
 
     fn worker(&self, shard: Option<(u32, u32)>, waits: bool) -> Worker {
-        Worker {
-            threads: self.threads.unwrap_or_else(super::cores),
-            shard,
-            patience: Duration::from_secs(self.patience),
-            attempts: self.attempts,
-            waits,
-        }
+        let threads = self.threads.unwrap_or_else(super::cores);
+        self.others.worker(threads, shard, waits)
     }
 }
 
-/// Scatters the points of a job, and leaves its tiles to others.
-pub(super) fn scatter(scans: &Scans, output: &Path, restart: bool) -> Result<u8, JobError> {
+/// Scatters points of a job. As a shard, those that no other process does; or else it sees to
+/// all of them, plans the tiles, and leaves these to others.
+pub(super) fn scatter(
+    scans: &Scans,
+    output: &Path,
+    restart: bool,
+    shard: Option<(u32, u32)>,
+    others: &Others,
+) -> Result<u8, JobError> {
     stop_on_signals();
     let job = Job {
         restart,
         ..super::job(scans, output)?
     };
-    let look = Look::choose(scans.quiet, scans.log == "json");
-    match job.hand_over(&Terminal::new(look), &CANCEL)? {
+    let terminal = Terminal::new(Look::choose(scans.quiet, scans.log == "json"));
+    let worker = others.worker(job.settings.threads, shard, shard.is_none());
+    if shard.is_some() {
+        return job.scatter(&worker, &terminal, &CANCEL).map(|()| 0);
+    }
+    match job.hand_over(&worker, &terminal, &CANCEL)? {
         Some(plan) => result!(
             "{} tiles are ready to be solved in {}",
             thousands(plan.plan.tiles.len() as u64),
@@ -89,9 +114,16 @@ pub(super) fn solve(sharing: &Sharing, shard: Option<(u32, u32)>) -> Result<u8, 
 }
 
 /// Waits until all tiles are solved, solves those that nobody does, and writes the output.
-pub(super) fn stitch(sharing: &Sharing, memory: Option<Bytes>) -> Result<u8, JobError> {
+pub(super) fn stitch(
+    sharing: &Sharing,
+    memory: Option<Bytes>,
+    scratch: Option<PathBuf>,
+) -> Result<u8, JobError> {
     stop_on_signals();
-    let mut job = Job::handed_over(&sharing.dir)?;
+    let mut job = Job {
+        scratch,
+        ..Job::handed_over(&sharing.dir)?
+    };
     let worker = sharing.worker(None, true);
     worker.solve(&sharing.dir, &Terminal::new(sharing.look()), &CANCEL)?;
     job.settings.threads = worker.threads;
@@ -109,21 +141,28 @@ pub(super) fn status(dir: &Path, json: bool) -> Result<u8, JobError> {
         );
         return Ok(0);
     }
-    result!(
-        "{} of {} tiles solved, {:.0} % of the work{}",
-        thousands(status.solved),
-        thousands(status.tiles),
-        100.0 * status.share,
-        match status.seconds {
-            Some(seconds) if status.solved < status.tiles =>
-                format!("; {} to go", duration(seconds)),
-            _ => String::new(),
-        }
-    );
+    match status.scattered {
+        Some([done, all]) => result!("{done} of {all} groups of scans scattered"),
+        None => result!(
+            "{} of {} tiles solved, {:.0} % of the work{}",
+            thousands(status.solved),
+            thousands(status.tiles),
+            100.0 * status.share,
+            match status.seconds {
+                Some(seconds) if status.solved < status.tiles =>
+                    format!("; {} to go", duration(seconds)),
+                _ => String::new(),
+            }
+        ),
+    }
+    let members = match status.scattered {
+        Some(_) => "group",
+        None => "tiles",
+    };
     for group in &status.begun {
         result!(
-            "  tiles {:?}: attempt {}, last heard of {:.0} s ago",
-            group.tiles,
+            "  {members} {:?}: attempt {}, last heard of {:.0} s ago",
+            group.members,
             group.attempt,
             group.silent
         );
@@ -145,7 +184,7 @@ pub(super) fn shard(text: &str) -> Result<(u32, u32), String> {
 /// What Slurm is asked for.
 #[derive(Args)]
 pub(super) struct Cluster {
-    /// Tasks that solve tiles at once
+    /// Tasks that scatter at once, and tasks that solve tiles at once
     #[arg(long, value_name = "N", default_value = "16", value_parser = clap::value_parser!(u32).range(1..))]
     tasks: u32,
     /// Cores for each task
@@ -209,52 +248,56 @@ impl Cluster {
             .map(|flag| quoted(flag))
             .collect::<Vec<_>>();
         let cpus = self.cpus;
-        let scatter = format!(
+        let plan = format!(
             "exec {program} scatter {} -o {output} {} --threads {cpus}",
             inputs.join(" "),
             options.join(" ")
         );
-        let solve = format!(
-            "exec {program} solve {job} --threads {cpus} --shard $SLURM_ARRAY_TASK_ID/{}",
-            self.tasks
+        let shard = format!("--shard $SLURM_ARRAY_TASK_ID/{}", self.tasks);
+        let scatter = format!("{plan} {shard}");
+        let solve = format!("exec {program} solve {job} --threads {cpus} {shard}");
+        let stitch = format!(
+            "exec {program} stitch {job} --threads {cpus} ${{TMPDIR:+--scratch \"$TMPDIR\"}}"
         );
-        let stitch = format!("exec {program} stitch {job} --threads {cpus}");
         // The budget is kept by measured costs; the margin is for what was not measured.
         let task = (memory.0 >> 20) * 5 / 4 + 64;
         let array = format!("--array=0-{}", self.tasks - 1);
         Ok(format!(
             "set -eu\n\
              mkdir -p {logs}\n\
-             # Points to their cells, and the tiles.\n\
+             # Points to their cells.\n\
              scatter=$({})\n\
+             # What is missing of that, and the tiles.\n\
+             plan=$({})\n\
              # Tiles: who ends early takes over from the others.\n\
              solve=$({})\n\
              # Once more with twice the memory, if a task failed.\n\
              again=$({})\n\
              # One cloud. What still is missing is solved here.\n\
              stitch=$({})\n\
-             echo \"scatter $scatter, solve $solve (again: $again), stitch $stitch\"\n\
+             echo \"scatter $scatter, plan $plan, solve $solve (again: $again), stitch $stitch\"\n\
              echo {}\n",
-            self.sbatch("scatter", &logs, task, "", &scatter),
+            self.sbatch("scatter", &logs, task, &array, &scatter),
+            self.sbatch("plan", &logs, task, "--dependency=afterany:$scatter", &plan),
             self.sbatch(
                 "solve",
                 &logs,
                 task,
-                &format!("{array} --dependency=afterok:$scatter"),
+                &format!("{array} --dependency=afterok:$plan"),
                 &solve
             ),
             self.sbatch(
                 "again",
                 &logs,
                 2 * task,
-                &format!("{array} --dependency=afterok:$scatter,afternotok:$solve"),
+                &format!("{array} --dependency=afterok:$plan,afternotok:$solve"),
                 &solve
             ),
             self.sbatch(
                 "stitch",
                 &logs,
                 2 * task,
-                "--dependency=afterok:$scatter,afterany:$solve:$again",
+                "--dependency=afterok:$plan,afterany:$solve:$again",
                 &stitch
             ),
             quoted(&format!("lloydar status {job} says how far it is"),),

@@ -25,7 +25,7 @@ use lloydar::{
     report::{REPORT_PAGE, Report, VIEWER_PAGE},
 };
 
-use cluster::{Cluster, Sharing};
+use cluster::{Cluster, Others, Sharing};
 use printing::{result, say};
 use simulating::Simulation;
 use terminal::{Look, Terminal};
@@ -73,7 +73,9 @@ enum Command {
         #[arg(short, long, value_name = "FILE", default_value = "resampled.copc.laz")]
         output: PathBuf,
     },
-    /// First stage of a job for many processes: decode the scans, plan the tiles
+    /// First stage of a job for many processes: decode the scans, plan the tiles. With
+    /// --shard decode only, by as many processes as there are; without, decode what those
+    /// have not, and plan
     Scatter {
         #[command(flatten)]
         scans: Scans,
@@ -81,8 +83,13 @@ enum Command {
         #[arg(short, long, value_name = "FILE", default_value = "resampled.copc.laz")]
         output: PathBuf,
         /// Forget what an earlier run left in the job directory
-        #[arg(long)]
+        #[arg(long, conflicts_with = "shard")]
         restart: bool,
+        /// Begin with these scans: which of how many processes this is, like 0/16
+        #[arg(long, value_name = "I/N", value_parser = cluster::shard)]
+        shard: Option<(u32, u32)>,
+        #[command(flatten)]
+        others: Others,
     },
     /// Second stage: solve tiles that nobody solves; by as many processes, on as many
     /// machines, as there are
@@ -100,6 +107,9 @@ enum Command {
         /// Peak memory, if it is to be more than the job had
         #[arg(long, value_name = "SIZE")]
         memory: Option<Bytes>,
+        /// A disk of this machine for files that nobody else reads [default: the job directory]
+        #[arg(long, value_name = "DIR")]
+        scratch: Option<PathBuf>,
     },
     /// Say how far a job of many processes is
     Status {
@@ -269,9 +279,15 @@ fn run(command: Command) -> Result<u8, JobError> {
             scans,
             output,
             restart,
-        } => cluster::scatter(&scans, &output, restart),
+            shard,
+            others,
+        } => cluster::scatter(&scans, &output, restart, shard, &others),
         Command::Solve { sharing, shard } => cluster::solve(&sharing, shard),
-        Command::Stitch { sharing, memory } => cluster::stitch(&sharing, memory),
+        Command::Stitch {
+            sharing,
+            memory,
+            scratch,
+        } => cluster::stitch(&sharing, memory, scratch),
         Command::Status { dir, json } => cluster::status(&dir, json),
         Command::Measure {
             files,
@@ -343,6 +359,7 @@ fn job(scans: &Scans, output: &Path) -> Result<Job, JobError> {
             .job
             .clone()
             .unwrap_or_else(|| default_directory(output)),
+        scratch: None,
         settings: choices.settings(metres)?,
         overwrite: choices.overwrite,
         keep: choices.keep_job,

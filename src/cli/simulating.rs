@@ -107,6 +107,7 @@ pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
     let job = Job {
         inputs: vec![scans],
         dir: default_directory(&cloud),
+        scratch: None,
         output: cloud,
         settings: choices.settings(None)?,
         overwrite: true,

@@ -1,7 +1,6 @@
 //! What a run takes: seconds, memory and disk, by stage and over time.
 
 use std::{
-    fs,
     path::Path,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
     thread::Scope,
@@ -13,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Progress, Standing,
+    directory::bytes_in,
     forecast::Forecast,
     memory::{peak_resident, resident},
 };
@@ -44,7 +44,7 @@ impl Held {
         Self {
             seconds: start.elapsed().as_secs_f64(),
             memory: resident(),
-            disk: bytes_in(dir),
+            disk: bytes_in(dir, |_| true),
         }
     }
 }
@@ -154,15 +154,6 @@ impl Clock {
 
 fn lock(held: &Mutex<Series>) -> MutexGuard<'_, Series> {
     held.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Bytes of the files in `dir`; none if there is no such directory.
-fn bytes_in(dir: &Path) -> u64 {
-    let entries = fs::read_dir(dir).into_iter().flatten().flatten();
-    entries
-        .filter_map(|entry| entry.metadata().ok())
-        .map(|metadata| metadata.len())
-        .sum()
 }
 
 #[cfg(test)]

@@ -72,18 +72,8 @@ impl JobDirectory {
         identity: serde_json::Value,
         restart: bool,
     ) -> Result<Self, JobError> {
-        let refused = |problem: &str| JobError::Refused(format!("{}: {problem}", path.display()));
-        fs::create_dir_all(path).map_err(|e| JobError::io("make the job directory", path, e))?;
-        let entries = fs::read_dir(path).map_err(|e| JobError::io("read", path, e))?;
-        let is_foreign = |name: &std::ffi::OsStr| name.to_str().is_none_or(|name| !is_own(name));
-        if entries
-            .flatten()
-            .any(|entry| is_foreign(&entry.file_name()))
-        {
-            return Err(refused(
-                "holds files that are no job's; choose a new or empty directory with --job",
-            ));
-        }
+        let refused = |problem: &str| refused(path, problem);
+        let names = own_names(path)?;
         let lock_path = path.join("lock");
         let lock = File::create(&lock_path).map_err(|e| JobError::io("create", &lock_path, e))?;
         if lock.try_lock().is_err() {
@@ -103,22 +93,55 @@ impl JobDirectory {
         if restart {
             directory.forget(|name| name != "lock");
         }
-        match directory.read::<About>("job.json") {
+        match directory.read::<About>(ABOUT) {
             Some(found) if found.identity == directory.about.identity => directory.about = found,
-            Some(_) => {
-                return Err(refused(
-                    "holds a job with other inputs or settings, or inputs that have changed since; \
-                     give --restart to begin anew, or choose another --job",
-                ));
-            }
+            Some(_) => return Err(refused(OTHER)),
             None => {
-                // Whatever else is there, nobody knows what it is of.
-                directory.forget(|name| name != "lock");
-                directory.write("job.json", &directory.about)?;
+                // Whatever else was there, nobody knows what it is of.
+                directory.forget(|name| name != "lock" && names.iter().any(|known| known == name));
+                directory.write(ABOUT, &directory.about)?;
                 directory.is_new = true;
             }
         }
         Ok(directory)
+    }
+
+    /// Finds this very job in the directory at `path`, or makes it, as one of several
+    /// processes that do: nobody takes hold of it. Whether its output is not complete yet.
+    ///
+    /// # Errors
+    ///
+    /// If it cannot be made, or holds another job or anything else.
+    pub(super) fn join(
+        path: &Path,
+        identity: serde_json::Value,
+        output: &Path,
+    ) -> Result<bool, JobError> {
+        let names = own_names(path)?;
+        let about_path = path.join(ABOUT);
+        if read_json::<About>(&about_path).is_none() {
+            // Who joins writes this first: without it there is nothing else, or nobody
+            // knows what it is of.
+            let is_work = |name: &&String| !name.starts_with("job") && *name != "lock";
+            if let Some(name) = names.iter().find(is_work)
+                && !about_path.exists()
+            {
+                let problem = format!("{name} is left of a job that nobody knows; {RESTART}");
+                return Err(refused(path, &problem));
+            }
+            let about = About {
+                identity: identity.clone(),
+                delivered: None,
+            };
+            write_among_others(&about_path, to_json(&about).as_bytes())?;
+        }
+        match read_json::<About>(&about_path) {
+            Some(found) if found.identity == identity => {
+                let delivered = found.delivered;
+                Ok(delivered.is_none() || Stamp::of(output).ok() != delivered)
+            }
+            _ => Err(refused(path, OTHER)),
+        }
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -127,8 +150,7 @@ impl JobDirectory {
 
     /// What the file `name` holds, if it is there and whole.
     pub(super) fn read<T: DeserializeOwned>(&self, name: &str) -> Option<T> {
-        let content = read_whole(&self.path.join(name)).ok()??;
-        serde_json::from_slice(&content).ok()
+        read_json(&self.path.join(name))
     }
 
     /// Writes the file `name`, complete or not at all.
@@ -136,14 +158,9 @@ impl JobDirectory {
     /// # Errors
     ///
     /// If it cannot be written.
-    ///
-    /// # Panics
-    ///
-    /// If `value` cannot be JSON.
     pub(super) fn write(&self, name: &str, value: &impl Serialize) -> Result<(), JobError> {
-        let text = serde_json::to_string_pretty(value).expect("plain numbers and text");
         let path = self.path.join(name);
-        write_whole(&path, text.as_bytes()).map_err(|e| JobError::io("write", &path, e))
+        write_whole(&path, to_json(value).as_bytes()).map_err(|e| JobError::io("write", &path, e))
     }
 
     /// Remembers that the file with this `stamp` is the job's output.
@@ -153,7 +170,7 @@ impl JobDirectory {
     /// If it cannot be written down.
     pub(super) fn deliver(&mut self, stamp: Stamp) -> Result<(), JobError> {
         self.about.delivered = Some(stamp);
-        self.write("job.json", &self.about)
+        self.write(ABOUT, &self.about)
     }
 
     /// Whether an earlier run of this job completed the file at `output`, which has
@@ -193,18 +210,75 @@ impl JobDirectory {
     /// Removes the job, and the directory. Whose it was goes last: a process that is
     /// killed on the way knows it again.
     pub(super) fn clear(self) {
-        self.forget(|name| name != "job.json" && name != "lock");
+        self.forget(|name| name != ABOUT && name != "lock");
         self.forget(|name| name != "lock");
         self.forget(|_| true);
         drop(fs::remove_dir(&self.path));
     }
 }
 
+/// The file that says whose a directory is.
+const ABOUT: &str = "job.json";
+
+/// What to do about a directory that cannot be used.
+const RESTART: &str = "give --restart to begin anew, or choose another --job";
+const OTHER: &str = "holds a job with other inputs or settings, or inputs that have changed since; \
+                     give --restart to begin anew, or choose another --job";
+
+fn refused(path: &Path, problem: &str) -> JobError {
+    JobError::Refused(format!("{}: {problem}", path.display()))
+}
+
+/// Makes the directory at `path` if it is not there: the names of the job's files in it.
+fn own_names(path: &Path) -> Result<Vec<String>, JobError> {
+    fs::create_dir_all(path).map_err(|e| JobError::io("make the job directory", path, e))?;
+    let entries = fs::read_dir(path).map_err(|e| JobError::io("read", path, e))?;
+    let names = entries.flatten().map(|entry| entry.file_name());
+    let own = |name: std::ffi::OsString| name.into_string().ok().filter(|name| is_own(name));
+    names.map(own).collect::<Option<_>>().ok_or_else(|| {
+        refused(
+            path,
+            "holds files that are no job's; choose a new or empty directory with --job",
+        )
+    })
+}
+
+/// Writes `content` to `path`, complete or not at all, where other processes may write the
+/// same at the same time.
+pub(super) fn write_among_others(path: &Path, content: &[u8]) -> Result<(), JobError> {
+    // Processes on several machines may have one number, but not at one moment.
+    let now = UNIX_EPOCH.elapsed().unwrap_or_default().as_nanos();
+    let own = format!("job-{}-{now}.json", std::process::id());
+    let aside = path.with_file_name(own);
+    let write = write_whole(&aside, content).and_then(|()| fs::rename(&aside, path));
+    write.map_err(|e| JobError::io("write", path, e))
+}
+
+/// What the file at `path` holds, if it is there and whole.
+fn read_json<T: DeserializeOwned>(path: &Path) -> Option<T> {
+    let content = read_whole(path).ok()??;
+    serde_json::from_slice(&content).ok()
+}
+
+fn to_json(value: &impl Serialize) -> String {
+    serde_json::to_string_pretty(value).expect("plain numbers and text")
+}
+
+/// Bytes of the files in `dir` whose names are `wanted`; none if there is no such directory.
+pub(super) fn bytes_in(dir: &Path, wanted: impl Fn(&str) -> bool) -> u64 {
+    let entries = fs::read_dir(dir).into_iter().flatten().flatten();
+    entries
+        .filter(|entry| entry.file_name().to_str().is_some_and(&wanted))
+        .filter_map(|entry| entry.metadata().ok())
+        .map(|metadata| metadata.len())
+        .sum()
+}
+
 /// Whether `name` is that of a file that jobs make.
 fn is_own(name: &str) -> bool {
-    const STEMS: [&str; 10] = [
-        "handover", "inputs", "job", "left-out", "lock", "octree", "plan", "spacing", "spill",
-        "tiles",
+    const STEMS: [&str; 11] = [
+        "groups", "handover", "inputs", "job", "left-out", "lock", "octree", "plan", "spacing",
+        "spill", "tiles",
     ];
     const ENDINGS: [&str; 10] = [
         "",
@@ -261,6 +335,28 @@ mod tests {
         assert_eq!(anew.read::<f64>("spacing.json"), None);
         anew.clear();
         assert!(!path.exists());
+    }
+
+    #[test]
+    fn a_directory_is_joined_by_processes_of_one_job() {
+        let dir = tempfile::tempdir().unwrap();
+        let (path, output) = (dir.path().join("job"), dir.path().join("out.laz"));
+        let join = |identity: u32| JobDirectory::join(&path, identity.into(), &output);
+        std::thread::scope(|scope| {
+            let joining = [(); 8].map(|()| scope.spawn(|| join(1).unwrap()));
+            assert!(joining.into_iter().all(|joined| joined.join().unwrap()));
+        });
+        assert!(join(2).unwrap_err().to_string().contains("other inputs"));
+        let names = own_names(&path).unwrap();
+        assert_eq!(names, [ABOUT]);
+        // One that takes hold of it knows it, too, and those who join find it done.
+        let mut job = open(&path, 1, false).unwrap();
+        fs::write(&output, "a cloud").unwrap();
+        job.deliver(Stamp::of(&output).unwrap()).unwrap();
+        assert!(!join(1).unwrap());
+        fs::remove_file(path.join(ABOUT)).unwrap();
+        fs::write(path.join("plan.json"), "of whom?").unwrap();
+        assert!(join(1).unwrap_err().to_string().contains("plan.json"));
     }
 
     #[test]

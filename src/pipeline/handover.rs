@@ -9,8 +9,7 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Job, JobError, JobPlan, Progress,
-    clock::Clock,
+    Job, JobError, JobPlan, Progress, Worker,
     job::{Running, threads},
 };
 use crate::{
@@ -31,6 +30,11 @@ pub(super) struct Handover {
 const NAME: &str = "handover.json";
 
 impl Handover {
+    /// Whether the tiles of the job in the directory `dir` are known.
+    pub(super) fn is_in(dir: &Path) -> bool {
+        dir.join(NAME).exists()
+    }
+
     /// What was handed over in the job directory `dir`.
     ///
     /// # Errors
@@ -62,21 +66,43 @@ impl Handover {
 }
 
 impl Job {
-    /// Does all that comes before the first tile is solved, and hands the tiles over to
-    /// whoever solves them; `None` if the job is done.
+    /// Scatters points of the job's inputs that no other process does, as `worker` among
+    /// several.
+    ///
+    /// # Errors
+    ///
+    /// See [`JobError`].
+    pub fn scatter(
+        &self,
+        worker: &Worker,
+        progress: &dyn Progress,
+        cancel: &AtomicBool,
+    ) -> Result<(), JobError> {
+        let job = self.anywhere()?;
+        let pool = threads(job.settings.threads)?;
+        job.watched(progress, |progress, _| {
+            pool.install(|| job.join_scatter(worker, progress, cancel))
+        })
+    }
+
+    /// Does all that comes before the first tile is solved, as `worker` with those who have begun
+    /// it, and hands the tiles over to whoever solves them; `None` if the job is done.
     ///
     /// # Errors
     ///
     /// See [`JobError`].
     pub fn hand_over(
         &self,
+        worker: &Worker,
         progress: &dyn Progress,
         cancel: &AtomicBool,
     ) -> Result<Option<JobPlan>, JobError> {
         let job = self.anywhere()?;
         job.check_output()?;
         let pool = threads(job.settings.threads)?;
-        let prepared = pool.install(|| job.prepare(progress, cancel, &mut Clock::new()))?;
+        let prepared = job.watched(progress, |progress, mut clock| {
+            pool.install(|| job.prepare(worker, progress, cancel, &mut clock))
+        })?;
         prepared
             .map(|Running { survey, plan, .. }| {
                 let record = survey.record;

@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Field, InputCount, JobError, JobPlan, LeftOut, Outcome, Progress, Survey, TileFigures, Unit,
-    WorstPlace,
+    Worker, WorstPlace,
     clock::Clock,
-    directory::{JobDirectory, Stamp},
+    directory::{JobDirectory, Stamp, bytes_in},
     disk::{Need, check_room},
     forecast::Forecast,
     glimpse::Look,
@@ -22,7 +22,8 @@ use super::{
     provenance::{checksums, provenance},
     queue::Queue,
     rendering::{Coloring, Picture, draw},
-    scattering::{input_counts, scatter_inputs},
+    scattering::{Scattering, input_counts},
+    scratch::Scratch,
     stamps::InputStamps,
     tiles::{SettledTiles, SolvedTiles},
     transfer::Transfer,
@@ -60,6 +61,10 @@ pub struct Job {
     pub output: PathBuf,
     /// Where temporary files go.
     pub dir: PathBuf,
+    /// Where those go that only the last stage needs, if there is room; nothing if that is
+    /// no other place.
+    #[serde(skip)]
+    pub scratch: Option<PathBuf>,
     /// How it is done.
     pub settings: Settings,
     /// Whether an existing output is replaced.
@@ -90,11 +95,9 @@ impl Job {
     ) -> Result<Option<Outcome>, JobError> {
         let format = self.check_output()?;
         let pool = threads(self.settings.threads)?;
-        let forecast = &Forecast::new(progress);
-        thread::scope(|scope| {
-            let mut clock = Clock::new();
-            clock.watch(scope, &self.dir, self.budget().total, forecast);
-            let prepared = pool.install(|| self.prepare(forecast, cancel, &mut clock))?;
+        let worker = Worker::to_the_end(self.settings.threads);
+        self.watched(progress, |forecast, mut clock| {
+            let prepared = pool.install(|| self.prepare(&worker, forecast, cancel, &mut clock))?;
             let Some(running) = prepared else {
                 return Ok(None);
             };
@@ -106,6 +109,20 @@ impl Job {
             report(&outcome)?;
             self.deliver(running, cloud)?;
             Ok(Some(outcome))
+        })
+    }
+
+    /// Does `work`, and tells `progress` all the while where it stands.
+    pub(super) fn watched<T>(
+        &self,
+        progress: &dyn Progress,
+        work: impl FnOnce(&Forecast<'_>, Clock) -> T,
+    ) -> T {
+        let forecast = &Forecast::new(progress);
+        thread::scope(|scope| {
+            let mut clock = Clock::new();
+            clock.watch(scope, &self.dir, self.budget().total, forecast);
+            work(forecast, clock)
         })
     }
 
@@ -144,16 +161,18 @@ impl Job {
         progress: &dyn Progress,
         cancel: &AtomicBool,
     ) -> Result<Option<JobPlan>, JobError> {
-        threads(self.settings.threads)?.install(|| {
-            let prepared = self.prepare(progress, cancel, &mut Clock::new())?;
-            Ok(prepared.map(|running| {
-                let plan = running.plan;
-                if !self.keep {
-                    running.directory.abandon();
-                }
-                plan
-            }))
-        })
+        let pool = threads(self.settings.threads)?;
+        let worker = Worker::to_the_end(self.settings.threads);
+        let prepared = self.watched(progress, |progress, mut clock| {
+            pool.install(|| self.prepare(&worker, progress, cancel, &mut clock))
+        })?;
+        Ok(prepared.map(|running| {
+            let plan = running.plan;
+            if !self.keep {
+                running.directory.abandon();
+            }
+            plan
+        }))
     }
 
     /// Whether the output's points are sorted by place before they are written.
@@ -188,41 +207,29 @@ impl Job {
         Ok(format)
     }
 
-    /// Survey, scatter, spacing and plan; `None` if the job is done.
+    /// Survey, scatter, spacing and plan; `None` if the job is done. If several processes have
+    /// begun to scatter it, it is `worker` that does it with them.
     pub(super) fn prepare(
         &self,
+        worker: &Worker,
         progress: &dyn Progress,
         cancel: &AtomicBool,
         clock: &mut Clock,
     ) -> Result<Option<Running>, JobError> {
-        let budget = self.budget();
-        if budget.total < budget.least() {
-            return Err(JobError::Refused(format!(
-                "--memory {} is too little for any job; give at least {}",
-                mebibytes(budget.total),
-                mebibytes(budget.least())
-            )));
-        }
-        let survey = Survey::of(&self.inputs, &self.settings, self.skip_bad_files)?;
-        for note in &survey.notes {
-            progress.note(note);
-        }
-        let inputs = InputStamps::of(&survey);
-        let identity = self.identity(&inputs);
-        let directory = JobDirectory::open(&self.dir, identity, self.restart)?;
+        let (survey, inputs) = self.survey(progress)?;
+        let directory = JobDirectory::open(&self.dir, self.identity(&inputs), self.restart)?;
         if directory.has_delivered(&self.output) {
             if !self.keep {
                 directory.clear();
             }
             return Ok(None);
         }
-        if self.output.exists() && !self.overwrite {
+        if let Err(error) = self.check_free() {
             directory.abandon();
-            let problem = "exists already; give another name, or --overwrite";
-            return Err(LasError::new(&self.output, problem).into());
+            return Err(error);
         }
         clock.stop("survey");
-        let prepared = self.prepare_in(&directory, survey, &budget, progress, cancel, clock);
+        let prepared = self.prepare_in(&directory, survey, worker, progress, cancel, clock);
         let prepared = prepared.and_then(|prepared| inputs.check().map(|()| prepared));
         let prepared = prepared.and_then(|(survey, spill, options, plan)| {
             let checksums = checksums(&survey, &directory)?;
@@ -253,12 +260,13 @@ impl Job {
         &self,
         directory: &JobDirectory,
         survey: Survey,
-        budget: &Budget,
+        worker: &Worker,
         progress: &dyn Progress,
         cancel: &AtomicBool,
         clock: &mut Clock,
     ) -> Result<(Survey, Spill, Options, JobPlan), JobError> {
-        let (survey, spill) = self.scatter(directory, survey, budget, progress, cancel)?;
+        let budget = &self.budget();
+        let (survey, spill) = self.spill(directory, survey, worker, progress, cancel)?;
         clock.stop("scatter");
         if spill.points() == 0 {
             return Err(JobError::Refused(
@@ -282,6 +290,88 @@ impl Job {
         Ok((survey, spill, options, plan))
     }
 
+    /// What the headers say, and the inputs as they are now.
+    fn survey(&self, progress: &dyn Progress) -> Result<(Survey, InputStamps), JobError> {
+        let budget = self.budget();
+        if budget.total < budget.least() {
+            return Err(JobError::Refused(format!(
+                "--memory {} is too little for any job; give at least {}",
+                mebibytes(budget.total),
+                mebibytes(budget.least())
+            )));
+        }
+        let survey = Survey::of(&self.inputs, &self.settings, self.skip_bad_files)?;
+        for note in &survey.notes {
+            progress.note(note);
+        }
+        let inputs = InputStamps::of(&survey);
+        Ok((survey, inputs))
+    }
+
+    /// Refuses an output that is there and is not to be replaced.
+    fn check_free(&self) -> Result<(), JobError> {
+        match self.output.exists() && !self.overwrite {
+            true => {
+                let problem = "exists already; give another name, or --overwrite";
+                Err(LasError::new(&self.output, problem).into())
+            }
+            false => Ok(()),
+        }
+    }
+
+    /// Scatters what no other process does, without taking hold of the job directory.
+    pub(super) fn join_scatter(
+        &self,
+        worker: &Worker,
+        progress: &dyn Progress,
+        cancel: &AtomicBool,
+    ) -> Result<(), JobError> {
+        self.format()?;
+        let (survey, inputs) = self.survey(progress)?;
+        if !JobDirectory::join(&self.dir, self.identity(&inputs), &self.output)? {
+            return Ok(());
+        }
+        self.check_free()?;
+        check_room(&[self.room_for(&survey)])?;
+        self.scattering(&survey, progress, cancel).share(worker)?;
+        inputs.check()
+    }
+
+    fn scattering<'a>(
+        &'a self,
+        survey: &'a Survey,
+        progress: &'a dyn Progress,
+        cancel: &'a AtomicBool,
+    ) -> Scattering<'a> {
+        Scattering {
+            survey,
+            dir: &self.dir,
+            budget: self.budget(),
+            keep_going: self.skip_bad_files,
+            progress,
+            cancel,
+        }
+    }
+
+    /// What the points of all inputs take that are not spilled yet.
+    fn room_for(&self, survey: &Survey) -> Need<'_> {
+        let is_spill = |name: &str| name.starts_with("spill") && name.ends_with(".bin");
+        let held = bytes_in(&self.dir, is_spill);
+        let inputs = survey.inputs.iter();
+        let largest = inputs.max_by_key(|input| input.points_claimed);
+        let largest = largest.map_or_else(String::new, |input| {
+            let (claimed, path) = (input.points_claimed, input.path.display());
+            format!(", {claimed} of them in {path},")
+        });
+        let record_length = survey.record.record_length() as u64;
+        let points = survey.points_claimed();
+        Need {
+            what: format!("all points{largest}"),
+            dir: &self.dir,
+            bytes: (points.saturating_mul(record_length)).saturating_sub(held),
+        }
+    }
+
     /// What makes this job this job: inputs as they are now, and what decides
     /// the result. Memory and threads do not.
     fn identity(&self, inputs: &InputStamps) -> serde_json::Value {
@@ -298,46 +388,32 @@ impl Job {
     }
 
     /// The spill of all inputs, or of those that can be read.
-    fn scatter(
+    fn spill(
         &self,
         directory: &JobDirectory,
         mut survey: Survey,
-        budget: &Budget,
+        worker: &Worker,
         progress: &dyn Progress,
         cancel: &AtomicBool,
     ) -> Result<(Survey, Spill), JobError> {
+        let skip = self.skip_bad_files;
         // What an earlier run found only as it decoded.
         if let Some(bad) = directory.read::<Vec<LeftOut>>("left-out.json")
-            && self.skip_bad_files
+            && skip
         {
             survey = survey.without(bad)?;
         }
         loop {
-            let dir = directory.path();
-            let record_length = survey.record.record_length() as u64;
-            let held = fs::metadata(dir.join("spill.bin")).map_or(0, |spill| spill.len());
-            let largest = survey
-                .inputs
-                .iter()
-                .max_by_key(|input| input.points_claimed);
-            let largest = largest.map_or_else(String::new, |input| {
-                let (claimed, path) = (input.points_claimed, input.path.display());
-                format!(", {claimed} of them in {path},")
-            });
-            check_room(&[Need {
-                what: format!("all points{largest}"),
-                dir,
-                bytes: (survey.points_claimed().saturating_mul(record_length)).saturating_sub(held),
-            }])?;
-            let skip = self.skip_bad_files;
-            match scatter_inputs(&survey, &dir.join("spill"), budget, skip, progress, cancel) {
+            check_room(&[self.room_for(&survey)])?;
+            let scattering = self.scattering(&survey, progress, cancel);
+            match scattering.complete(worker) {
                 Err(JobError::BadFiles(bad)) if skip => {
                     // Some of their points are spilled already: once more, without.
                     for bad in &bad {
                         progress.note(&format!("{} is left out: it {}", bad.path, bad.reason));
                     }
                     survey = survey.without(bad)?;
-                    directory.forget(|name| name.starts_with("spill."));
+                    directory.forget(|name| name.starts_with("spill"));
                     directory.write("left-out.json", &survey.left_out)?;
                 }
                 other => return Ok((survey, other?)),
@@ -391,7 +467,13 @@ impl Job {
         let (lattice, spacing) = (&running.survey.lattice, running.options.spacing);
         let plan = &running.plan.plan;
         progress.begin("stitch", plan.tiles.len() as u64, 0, Unit::Tiles);
-        let mut settled = SettledTiles::create(running.directory.path())?;
+        let scratch = Scratch::choose(
+            self.scratch.as_deref(),
+            running.directory.path(),
+            running.bytes_to_settle(self.is_sorted()),
+            progress,
+        )?;
+        let mut settled = SettledTiles::create(scratch.path())?;
         let seams = writing::settle(plan, solved, &mut settled, lattice, spacing, progress)?;
         progress.end();
         clock.stop("stitch");
@@ -432,7 +514,7 @@ impl Job {
         let workspace = Workspace {
             spacing,
             tile_edge: self.settings.output_tiles.unwrap_or(0.0),
-            stem: running.directory.path().join("octree"),
+            stem: scratch.path().join("octree"),
             buffer_bytes: budget.buffers(),
             sort_bytes: budget.tile() as usize / 2,
         };
@@ -533,6 +615,12 @@ pub(super) struct Running {
 }
 
 impl Running {
+    /// What the last stage needs for itself, in bytes: all sites as they are settled, and, if the output is sorted, once more.
+    fn bytes_to_settle(&self, is_sorted: bool) -> u64 {
+        let records = self.plan.points_out * self.transfer.record().record_length() as u64;
+        if is_sorted { 2 * records } else { records }
+    }
+
     fn queue(&self) -> Queue<'_> {
         Queue {
             spill: &self.spill,

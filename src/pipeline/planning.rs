@@ -1,12 +1,12 @@
 //! How dense, and in which tiles: from true counts.
 
-use std::{collections::HashMap, fs};
+use std::collections::HashMap;
 
 use serde::{Deserialize, Serialize};
 
 use super::{
     JobError, Progress, Survey,
-    directory::JobDirectory,
+    directory::{JobDirectory, bytes_in},
     disk::{Need, check_room, directory_of},
     gathering::gather_points,
     job::Job,
@@ -224,10 +224,7 @@ impl Planning<'_> {
     /// Refuses what has no room for `solved` bytes of solved tiles, and an output of
     /// `records` bytes at the most.
     fn check_disk(&self, solved: u64, records: u64) -> Result<(), JobError> {
-        let held = ["tiles.solved", "tiles.settled"].map(|name| {
-            fs::metadata(self.directory.path().join(name)).map_or(0, |file| file.len())
-        });
-        let present: u64 = held.iter().sum();
+        let present = bytes_in(self.directory.path(), |name| name.starts_with("tiles"));
         let is_compressed = self
             .job
             .output

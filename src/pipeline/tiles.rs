@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{JobError, TileFigures, sharing};
+use super::{JobError, TileFigures, tile_groups};
 use crate::tile::{Pack, SolvedTile, TileError};
 
 /// The tiles that are solved: two blocks each, the figures last. Where they are, the
@@ -17,7 +17,7 @@ const SETTLED: &str = "tiles.settled";
 impl SolvedTiles {
     /// The tiles that are solved in the job directory `dir`, by this process and by others.
     pub(super) fn open(dir: &Path) -> Result<Self, JobError> {
-        let mut packs = sharing::packs(dir)?;
+        let mut packs = tile_groups::packs(dir)?;
         packs.push(Pack::open(&dir.join(SOLVED))?);
         Ok(Self(packs))
     }
@@ -25,12 +25,6 @@ impl SolvedTiles {
     /// Those in `packs`.
     pub(super) fn of(packs: Vec<Pack>) -> Self {
         Self(packs)
-    }
-
-    /// Gives the file that tiles were added to another name.
-    pub(super) fn rename_last(&mut self, path: &Path) -> Result<(), JobError> {
-        let pack = self.0.last_mut().ok_or_else(damaged)?;
-        Ok(pack.rename(path)?)
     }
 
     /// Whether `tile` is solved.

@@ -78,13 +78,14 @@ impl Spill {
         let end = chunks.last().map_or(0, |chunk| chunk.offset + chunk.bytes);
         // A window is a chunk or a few MiB.
         buffer.resize((end - start) as usize, 0);
-        let read = File::open(&self.path).and_then(|mut file| {
+        let path = &self.files[chunks.first().map_or(0, |chunk| chunk.file as usize)];
+        let read = File::open(path).and_then(|mut file| {
             file.seek(SeekFrom::Start(start))?;
             file.read_exact(buffer)
         });
         read.map_err(|source| match source.kind() {
-            ErrorKind::UnexpectedEof => TileError::damaged(&self.path),
-            _ => TileError::io("read", &self.path, source),
+            ErrorKind::UnexpectedEof => TileError::damaged(path),
+            _ => TileError::io("read", path, source),
         })?;
         for chunk in chunks {
             self.visit_chunk(chunk, start, buffer, rect, visit);
@@ -113,14 +114,14 @@ impl Spill {
 }
 
 /// Chunks that lie close together share a window of at most so many bytes; `chunks`
-/// are in the order of the file.
+/// are in the order of the files.
 fn windows(chunks: &[Chunk], most: u64) -> Vec<&[Chunk]> {
     let mut windows = Vec::new();
     let mut rest = chunks;
     while let Some(first) = rest.first() {
         let is_near = |pair: &&[Chunk]| {
             let end = pair[0].offset + pair[0].bytes;
-            let is_close = pair[1].offset - end <= WIDEST_GAP;
+            let is_close = pair[0].file == pair[1].file && pair[1].offset - end <= WIDEST_GAP;
             is_close && pair[1].offset + pair[1].bytes <= first.offset + most
         };
         let count = 1 + rest.windows(2).take_while(is_near).count();
@@ -260,6 +261,37 @@ mod tests {
                 assert_eq!(gathered(&spill, &rect), filtered(&all, &rect));
             }
         }
+    }
+
+    /// As if their sources had been scattered together, whatever became of their grids.
+    #[test]
+    fn spills_are_joined() {
+        let (near, far) = (records(20_000, 5000), records(30_000, 1_000_000_000));
+        let dirs = [(); 3].map(|()| tempfile::tempdir().unwrap());
+        let stems = dirs.each_ref().map(|dir| dir.path().join("spill"));
+        drop(spilled(&near, 8, 2, dirs[0].path()));
+        drop(spilled(&far, 8, 2, dirs[1].path()));
+        let all = [near, far].concat();
+        let one = spilled(&all, 8, 2, dirs[2].path());
+        let joined = Spill::join(&stems[..2]).unwrap();
+        assert_eq!(joined.grid(), one.grid());
+        assert_eq!(joined.bounds(), one.bounds());
+        assert_eq!(joined.points(), one.points());
+        assert!(joined.squares().eq(one.squares()));
+        assert_eq!(joined.sources().count(), 10);
+        for reach in [3000, 400_000_000] {
+            let rect = Rect {
+                min: [-reach; 2],
+                max: [reach, 2 * reach],
+            };
+            let expected = filtered(&all, &rect);
+            assert!(!expected.is_empty());
+            assert_eq!(gathered(&joined, &rect), expected);
+        }
+        // Cells that do not lie in each other cannot be joined.
+        drop(spilled(&all, 24, 2, dirs[2].path()));
+        let error = Spill::join(&stems[1..]).unwrap_err().to_string();
+        assert!(error.contains("spill.index"), "{error}");
     }
 
     #[test]

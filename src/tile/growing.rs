@@ -10,17 +10,12 @@ use std::{
 use super::{
     CellGrid, CellKey, PointCounts, ScatterOptions, TileError,
     scatter::Batch,
-    spill::{
-        Bounds, Chunk, Index, SourceProgress, SquareCounts, checkpoint_path, index_path, spill_path,
-    },
+    spill::{Chunk, Index, SourceProgress, checkpoint_path, index_path, spill_path},
 };
 use crate::geometry::Stored;
 
 /// Bytes of one cell's buffer.
 const BUFFER_BYTES: usize = 64 << 10;
-/// Occupied cells at the most: with more the grid is made coarser. Their number goes
-/// with the points alone, whatever their order, so the grid does, too.
-const MOST_CELLS: usize = 8192;
 
 /// The one owner of the buffers and of the file.
 pub(super) struct Growing {
@@ -28,18 +23,14 @@ pub(super) struct Growing {
     stem: PathBuf,
     path: PathBuf,
     file: File,
-    grid: CellGrid,
+    /// What is in the file already, and the counts of what waits, too.
+    index: Index,
     options: ScatterOptions,
     /// Records waiting, for each cell that has a buffer.
     buffers: HashMap<CellKey, Vec<u8>>,
     most_buffers: usize,
-    written: u64,
     /// Bytes taken since the last checkpoint.
     since_checkpoint: u64,
-    chunks: Vec<Chunk>,
-    counts: HashMap<CellKey, Box<SquareCounts>>,
-    bounds: Bounds,
-    sources: Vec<SourceProgress>,
 }
 
 impl Growing {
@@ -55,15 +46,8 @@ impl Growing {
         sources: usize,
     ) -> Result<Self, TileError> {
         let path = spill_path(stem);
-        let index = checkpoint(stem, options, sources).unwrap_or_else(|| Index {
-            grid,
-            record_length: options.record_length,
-            bytes: 0,
-            bounds: Bounds::empty(),
-            chunks: Vec::new(),
-            counts: Vec::new(),
-            sources: vec![SourceProgress::default(); sources],
-        });
+        let index = checkpoint(stem, options, sources)
+            .unwrap_or_else(|| Index::empty(grid, options.record_length, sources));
         // What was written after the checkpoint is written again.
         let open = || -> io::Result<File> {
             let mut file = File::options()
@@ -79,33 +63,28 @@ impl Growing {
         Ok(Self {
             stem: stem.to_owned(),
             file,
-            grid: index.grid,
+            index,
             options: *options,
             buffers: HashMap::new(),
             most_buffers: (options.buffer_bytes / BUFFER_BYTES).max(16),
-            written: index.bytes,
             since_checkpoint: 0,
-            chunks: index.chunks,
-            counts: index.counts.into_iter().collect(),
-            bounds: index.bounds,
-            sources: index.sources,
             path,
         })
     }
 
     /// The grid, as coarse as it has become.
     pub(super) fn grid(&self) -> CellGrid {
-        self.grid
+        self.index.grid
     }
 
     /// How far every source has come.
     pub(super) fn sources(&self) -> &[SourceProgress] {
-        &self.sources
+        &self.index.sources
     }
 
     /// Says that `source` has no more points.
     pub(super) fn end(&mut self, source: usize) {
-        self.sources[source].is_done = true;
+        self.index.sources[source].is_done = true;
     }
 
     /// Takes a batch of `source`, which stands for so many of its points.
@@ -121,22 +100,24 @@ impl Growing {
             let records = &batch.records[start..start + count as usize * length];
             start += records.len();
             let cell = self.grid_cell(cell, batch.grid);
-            let counts = self.counts.entry(cell).or_insert_with(|| Box::new([0; _]));
+            let counts = self.index.counts.entry(cell);
+            let counts = counts.or_insert_with(|| Box::new([0; _]));
             for record in records.chunks_exact(length) {
                 let point = Stored::of_record(record);
-                counts[self.grid.square_in_cell(point)] += 1;
-                self.bounds.grow(point);
+                counts[self.index.grid.square_in_cell(point)] += 1;
+                self.index.bounds.grow(point);
             }
             self.append(cell, records)?;
-            while self.counts.len() > MOST_CELLS {
-                self.coarsen()?;
+            while self.index.is_crowded() {
+                self.flush_all()?;
+                self.index.coarsen();
             }
         }
-        self.sources[source].counts.add(points);
+        self.index.sources[source].counts.add(points);
         self.since_checkpoint += batch.records.len() as u64;
         if self.since_checkpoint >= self.options.checkpoint_bytes {
             self.flush_all()?;
-            self.index().write(&checkpoint_path(&self.stem))?;
+            self.index.write(&checkpoint_path(&self.stem))?;
             self.since_checkpoint = 0;
         }
         Ok(())
@@ -144,28 +125,11 @@ impl Growing {
 
     /// The cell that a `cell` of a `finer` grid, or of this one, lies in.
     fn grid_cell(&self, mut cell: CellKey, mut finer: CellGrid) -> CellKey {
-        while finer.edge() < self.grid.edge() {
+        while finer.edge() < self.index.grid.edge() {
             cell = cell.parent();
             finer = finer.coarser();
         }
         cell
-    }
-
-    /// Makes every four cells one.
-    fn coarsen(&mut self) -> Result<(), TileError> {
-        self.flush_all()?;
-        self.grid = self.grid.coarser();
-        for chunk in &mut self.chunks {
-            chunk.cell = chunk.cell.parent();
-        }
-        for (cell, finer) in std::mem::take(&mut self.counts) {
-            let parent = self.counts.entry(cell.parent());
-            let counts = parent.or_insert_with(|| Box::new([0; _]));
-            for (place, count) in finer.iter().enumerate() {
-                counts[CellGrid::square_in_parent(cell, place)] += count;
-            }
-        }
-        Ok(())
     }
 
     fn append(&mut self, cell: CellKey, records: &[u8]) -> Result<(), TileError> {
@@ -208,12 +172,14 @@ impl Growing {
         self.file
             .write_all(records)
             .map_err(|source| TileError::io("write to", &self.path, source))?;
-        self.chunks.push(Chunk {
+        let (offset, bytes) = (self.index.bytes, records.len() as u64);
+        self.index.chunks.push(Chunk {
             cell,
-            offset: self.written,
-            bytes: records.len() as u64,
+            file: 0,
+            offset,
+            bytes,
         });
-        self.written += records.len() as u64;
+        self.index.bytes += bytes;
         Ok(())
     }
 
@@ -229,30 +195,10 @@ impl Growing {
             .map_err(|source| TileError::io("flush", &self.path, source))
     }
 
-    fn index(&self) -> Index {
-        let mut chunks = self.chunks.clone();
-        chunks.sort_unstable_by_key(|c| (c.cell, c.offset));
-        let mut counts: Vec<(CellKey, Box<SquareCounts>)> = self
-            .counts
-            .iter()
-            .map(|(&cell, squares)| (cell, squares.clone()))
-            .collect();
-        counts.sort_unstable_by_key(|&(cell, _)| cell);
-        Index {
-            grid: self.grid,
-            record_length: self.options.record_length,
-            bytes: self.written,
-            bounds: self.bounds,
-            chunks,
-            counts,
-            sources: self.sources.clone(),
-        }
-    }
-
     /// Completes the spill.
     pub(super) fn finish(mut self) -> Result<(), TileError> {
         self.flush_all()?;
-        self.index().write(&index_path(&self.stem))?;
+        self.index.write(&index_path(&self.stem))?;
         drop(fs::remove_file(checkpoint_path(&self.stem)));
         Ok(())
     }

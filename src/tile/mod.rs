@@ -106,11 +106,6 @@ impl TileError {
         }
     }
 
-    /// Whether there is no such file.
-    pub(crate) fn is_missing(&self) -> bool {
-        matches!(self, Self::Io { source, .. } if source.kind() == io::ErrorKind::NotFound)
-    }
-
     fn damaged(path: &Path) -> Self {
         Self::Damaged {
             path: path.display().to_string(),

@@ -60,26 +60,6 @@ impl Pack {
         pack().map_err(|source| TileError::io("open", path, source))
     }
 
-    /// Makes a file at `path`, where there must be none: of several who try at once one
-    /// succeeds. `None` if it is there.
-    ///
-    /// # Errors
-    ///
-    /// [`TileError::Io`] if it cannot be made.
-    pub fn claim(path: &Path) -> Result<Option<Self>, TileError> {
-        let mut options = File::options();
-        match options.create_new(true).read(true).write(true).open(path) {
-            Ok(file) => Ok(Some(Self {
-                path: path.to_owned(),
-                file,
-                blocks: HashMap::new(),
-                end: 0,
-            })),
-            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => Ok(None),
-            Err(source) => Err(TileError::io("create", path, source)),
-        }
-    }
-
     /// Opens the file at `path` to be read, which another process may be writing: what is
     /// whole by now.
     ///
@@ -131,18 +111,6 @@ impl Pack {
     /// Whether there is a block with this key.
     pub fn contains(&self, key: u64) -> bool {
         self.blocks.contains_key(&key)
-    }
-
-    /// Gives the file another name.
-    ///
-    /// # Errors
-    ///
-    /// [`TileError::Io`] if that cannot be.
-    pub fn rename(&mut self, path: &Path) -> Result<(), TileError> {
-        std::fs::rename(&self.path, path)
-            .map_err(|source| TileError::io("rename", &self.path, source))?;
-        path.clone_into(&mut self.path);
-        Ok(())
     }
 
     /// Length of the file in bytes.
@@ -208,22 +176,7 @@ impl Pack {
             Err(source) => Err(TileError::io("read", &self.path, source)),
         }
     }
-}
 
-#[cfg(unix)]
-impl Pack {
-    /// What stands where `block` does. The file is read by what was opened: its name may be
-    /// another by now.
-    fn content(&self, block: Block) -> io::Result<Vec<u8>> {
-        use std::os::unix::fs::FileExt;
-        let mut content = vec![0; block.length as usize];
-        self.file.read_exact_at(&mut content, block.offset)?;
-        Ok(content)
-    }
-}
-
-#[cfg(not(unix))]
-impl Pack {
     /// What stands where `block` does, by a reader of its own: the other one is where the next
     /// block goes.
     fn content(&self, block: Block) -> io::Result<Vec<u8>> {
@@ -291,11 +244,10 @@ mod tests {
     }
 
     #[test]
-    fn a_claim_is_one_processes_and_others_read_what_is_whole() {
+    fn others_read_what_is_whole() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("pack");
-        let mut own = Pack::claim(&path).unwrap().unwrap();
-        assert!(Pack::claim(&path).unwrap().is_none());
+        let mut own = Pack::open(&path).unwrap();
         own.append(&[(1, b"one"), (2, b"two")]).unwrap();
         let whole = own.bytes();
         own.append(&[(3, b"three")]).unwrap();
@@ -304,17 +256,9 @@ mod tests {
         let other = Pack::of_another(&path).unwrap();
         assert!(other.contains(2) && !other.contains(3));
         assert_eq!(other.bytes(), whole);
-        // It is read by whatever name.
-        let moved = dir.path().join("moved");
-        std::fs::rename(&path, &moved).unwrap();
-        assert_eq!(other.read(2).unwrap(), b"two");
-        std::fs::rename(&moved, &path).unwrap();
         // What is not whole may be so a moment later: it is not cut off.
         assert_eq!(std::fs::read(&path).unwrap().len(), bytes.len() - 2);
-        let later = dir.path().join("complete");
-        own.rename(&later).unwrap();
-        assert_eq!(own.read(1).unwrap(), b"one");
-        assert!(later.exists() && !path.exists());
+        assert_eq!(other.read(2).unwrap(), b"two");
     }
 
     /// Wherever it is cut, and whatever is left of the last block.

@@ -1,4 +1,5 @@
-//! The spill: every point of the input, by cell, and the index that finds them.
+//! The spill: every point of the input, by cell, and the index that finds them. A spill
+//! that several processes filled is several such pairs of files, read as one.
 //!
 //! `.bin` is records and nothing else. `.index` is written once it is complete,
 //! `.checkpoint` in the same form while it grows:
@@ -7,12 +8,15 @@
 //!   magic, edge, record length, bytes                   4 × u64
 //!   chunks, cells, sources                              3 × u64
 //!   bounds: min and max of x, y, z                      6 × i32
-//!   chunks, by cell: row, column, offset, bytes         24 bytes each
+//!   chunks: row, column, offset, bytes                  24 bytes each
 //!   cells: row, column, points of each counting square  8 + 64 × 8 bytes each
 //!   sources: read, rejected, filtered, outside, ended   5 × u64 each
 //! ```
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 use super::{CellGrid, CellKey, PointCounts, TileError, grid::SQUARES, read_whole, write_whole};
 use crate::geometry::{Rect, Stored};
@@ -22,10 +26,16 @@ const MAGIC: u64 = u64::from_le_bytes(*b"llspill3");
 /// Points of every counting square of a cell, row by row.
 pub(super) type SquareCounts = [u64; (SQUARES * SQUARES) as usize];
 
-/// Records of one cell that lie together in the spill.
+/// Occupied cells at the most: with more the grid is made coarser. Their number goes
+/// with the points alone, whatever their order, so the grid does, too.
+const MOST_CELLS: usize = 8192;
+
+/// Records of one cell that lie together in a file of the spill.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Chunk {
     pub(super) cell: CellKey,
+    /// Which of the spill's files: not written, for an index is of one.
+    pub(super) file: u32,
     pub(super) offset: u64,
     pub(super) bytes: u64,
 }
@@ -48,9 +58,17 @@ impl Bounds {
     }
 
     pub(super) fn grow(&mut self, point: Stored) {
-        for (axis, c) in [point.x, point.y, point.z].into_iter().enumerate() {
-            self.min[axis] = self.min[axis].min(c);
-            self.max[axis] = self.max[axis].max(c);
+        let point = [point.x, point.y, point.z];
+        self.join(&Self {
+            min: point,
+            max: point,
+        });
+    }
+
+    fn join(&mut self, other: &Self) {
+        for axis in 0..3 {
+            self.min[axis] = self.min[axis].min(other.min[axis]);
+            self.max[axis] = self.max[axis].max(other.max[axis]);
         }
     }
 
@@ -79,7 +97,7 @@ pub(super) struct Index {
     pub(super) bytes: u64,
     pub(super) bounds: Bounds,
     pub(super) chunks: Vec<Chunk>,
-    pub(super) counts: Vec<(CellKey, Box<SquareCounts>)>,
+    pub(super) counts: BTreeMap<CellKey, Box<SquareCounts>>,
     pub(super) sources: Vec<SourceProgress>,
 }
 
@@ -95,10 +113,10 @@ pub(super) fn checkpoint_path(stem: &Path) -> PathBuf {
     stem.with_extension("checkpoint")
 }
 
-/// A complete spill.
+/// A complete spill: of one file, or of several that each hold some of the sources.
 #[derive(Debug)]
 pub struct Spill {
-    pub(super) path: PathBuf,
+    pub(super) files: Vec<PathBuf>,
     pub(super) index: Index,
     points: u64,
 }
@@ -117,31 +135,56 @@ impl Spill {
     /// [`TileError::Io`] if it cannot be read, [`TileError::Damaged`] if index
     /// and records are not what was written.
     pub fn open(stem: &Path) -> Result<Self, TileError> {
+        Self::join(&[stem.to_owned()])
+    }
+
+    /// Opens the spills at `stems` as one, as if their sources had been scattered
+    /// together, in this order.
+    ///
+    /// # Errors
+    ///
+    /// As [`open`](Self::open); [`TileError::Damaged`], too, if they were not begun with
+    /// the same grid, or there are none.
+    pub fn join(stems: &[PathBuf]) -> Result<Self, TileError> {
+        let mut joined: Option<Index> = None;
+        for (file, stem) in (0..).zip(stems) {
+            let index = Self::index(stem)?;
+            joined = Some(match joined {
+                None => index,
+                Some(before) => before
+                    .join(index, file)
+                    .ok_or_else(|| TileError::damaged(&index_path(stem)))?,
+            });
+        }
+        let index = joined.ok_or_else(|| TileError::damaged(Path::new("the spill")))?;
+        let squares = index.counts.values().flat_map(|squares| squares.iter());
+        Ok(Self {
+            points: squares.sum(),
+            files: stems.iter().map(|stem| spill_path(stem)).collect(),
+            index,
+        })
+    }
+
+    /// The index of the spill at `stem`, whose records are there.
+    fn index(stem: &Path) -> Result<Index, TileError> {
         let index_path = index_path(stem);
         let index = Index::read(&index_path)?.ok_or_else(|| TileError::damaged(&index_path))?;
         let path = spill_path(stem);
         let length = std::fs::metadata(&path)
             .map_err(|source| TileError::io("read", &path, source))?
             .len();
-        if length != index.bytes {
-            return Err(TileError::damaged(&path));
+        match length == index.bytes {
+            true => Ok(index),
+            false => Err(TileError::damaged(&path)),
         }
-        let points = index
-            .counts
-            .iter()
-            .flat_map(|(_, squares)| squares.iter())
-            .sum();
-        Ok(Self {
-            path,
-            index,
-            points,
-        })
     }
 
     /// Removes its files; what cannot be removed stays.
     pub fn remove(self) {
-        drop(std::fs::remove_file(self.path.with_extension("index")));
-        drop(std::fs::remove_file(&self.path));
+        for path in self.files {
+            drop(std::fs::remove_file(path.with_extension("index")));
+            drop(std::fs::remove_file(path));
+        }
     }
 
     /// Number of points.
@@ -193,7 +236,7 @@ impl Spill {
         })
     }
 
-    /// The chunks of the cells that `rect` touches, in the order of the file.
+    /// The chunks of the cells that `rect` touches, in the order of the files.
     pub(super) fn chunks(&self, rect: &Rect) -> Vec<Chunk> {
         let mut chunks: Vec<Chunk> = self
             .index
@@ -202,12 +245,76 @@ impl Spill {
             .filter(|chunk| self.index.grid.rect(chunk.cell).intersects(rect))
             .copied()
             .collect();
-        chunks.sort_unstable_by_key(|chunk| chunk.offset);
+        chunks.sort_unstable_by_key(|chunk| (chunk.file, chunk.offset));
         chunks
     }
 }
 
 impl Index {
+    /// Nothing as yet.
+    pub(super) fn empty(grid: CellGrid, record_length: usize, sources: usize) -> Self {
+        Self {
+            grid,
+            record_length,
+            bytes: 0,
+            bounds: Bounds::empty(),
+            chunks: Vec::new(),
+            counts: BTreeMap::new(),
+            sources: vec![SourceProgress::default(); sources],
+        }
+    }
+
+    /// Whether it has too many cells.
+    pub(super) fn is_crowded(&self) -> bool {
+        self.counts.len() > MOST_CELLS
+    }
+
+    /// Makes every four cells one.
+    pub(super) fn coarsen(&mut self) {
+        self.grid = self.grid.coarser();
+        for chunk in &mut self.chunks {
+            chunk.cell = chunk.cell.parent();
+        }
+        for (cell, finer) in std::mem::take(&mut self.counts) {
+            let parent = self.counts.entry(cell.parent());
+            let counts = parent.or_insert_with(|| Box::new([0; _]));
+            for (place, count) in finer.iter().enumerate() {
+                counts[CellGrid::square_in_parent(cell, place)] += count;
+            }
+        }
+    }
+
+    /// Both together, `other` being that of file number `file`; `None` if they were not
+    /// begun with the same grid.
+    fn join(mut self, mut other: Self, file: u32) -> Option<Self> {
+        while self.grid.edge() < other.grid.edge() {
+            self.coarsen();
+        }
+        while other.grid.edge() < self.grid.edge() {
+            other.coarsen();
+        }
+        if self.grid != other.grid || self.record_length != other.record_length {
+            return None;
+        }
+        self.bytes += other.bytes;
+        self.bounds.join(&other.bounds);
+        let chunks = other.chunks.into_iter();
+        self.chunks
+            .extend(chunks.map(|chunk| Chunk { file, ..chunk }));
+        for (cell, squares) in other.counts {
+            let counts = self.counts.entry(cell);
+            let counts = counts.or_insert_with(|| Box::new([0; _]));
+            for (count, more) in counts.iter_mut().zip(squares.iter()) {
+                *count += more;
+            }
+        }
+        self.sources.extend(other.sources);
+        while self.is_crowded() {
+            self.coarsen();
+        }
+        Some(self)
+    }
+
     /// Writes it to `path`, complete or not at all.
     pub(super) fn write(&self, path: &Path) -> Result<(), TileError> {
         let mut out = Vec::new();
@@ -271,19 +378,12 @@ impl Index {
         let record_length = usize::try_from(rest.u64()?).ok()?;
         let total = rest.u64()?;
         let [chunks, cells, sources] = [rest.u64()?, rest.u64()?, rest.u64()?];
-        let mut bounds = Bounds::empty();
+        let mut index = Self::empty(CellGrid::new(edge), record_length, 0);
+        index.bytes = total;
+        let bounds = &mut index.bounds;
         for c in bounds.min.iter_mut().chain(&mut bounds.max) {
             *c = rest.i32()?;
         }
-        let mut index = Self {
-            grid: CellGrid::new(edge),
-            record_length,
-            bytes: total,
-            bounds,
-            chunks: Vec::new(),
-            counts: Vec::new(),
-            sources: Vec::new(),
-        };
         for _ in 0..chunks {
             let cell = rest.cell()?;
             let (offset, bytes) = (rest.u64()?, rest.u64()?);
@@ -293,6 +393,7 @@ impl Index {
             }
             index.chunks.push(Chunk {
                 cell,
+                file: 0,
                 offset,
                 bytes,
             });
@@ -303,7 +404,7 @@ impl Index {
             for count in squares.iter_mut() {
                 *count = rest.u64()?;
             }
-            index.counts.push((cell, squares));
+            index.counts.insert(cell, squares);
         }
         for _ in 0..sources {
             let counts = PointCounts {

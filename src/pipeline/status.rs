@@ -1,0 +1,127 @@
+//! How far a job is that several processes do.
+
+use std::{fs, path::Path};
+
+use serde::Serialize;
+
+use super::{
+    JobError,
+    handover::Handover,
+    scattering::{POINTS, ScanGroups},
+    sharing::{BEAT, Claim, Ending},
+    tile_groups::{TILES, groups, packs_of},
+    tiles::SolvedTiles,
+};
+
+/// How far a job is.
+#[derive(Clone, Debug, Serialize)]
+pub struct JobStatus {
+    /// Groups of scans that were scattered, and all of them; nothing if that is over, or one
+    /// process does it alone.
+    pub scattered: Option<[u64; 2]>,
+    /// Tiles of the job; none before all is scattered.
+    pub tiles: u64,
+    /// Of those solved.
+    pub solved: u64,
+    /// Share of the scattering that is done, or of the solving.
+    pub share: f64,
+    /// Groups that somebody works on, or did.
+    pub begun: Vec<BegunGroup>,
+    /// Seconds until all are solved, by as many as now work; nothing if nobody does or no tile is
+    /// solved.
+    pub seconds: Option<f64>,
+}
+
+/// Work that somebody has begun.
+#[derive(Clone, Debug, Serialize)]
+pub struct BegunGroup {
+    /// The group of scans; of tiles, those.
+    pub members: Vec<u32>,
+    /// The attempt, from 1.
+    pub attempt: u32,
+    /// Seconds since anything was heard of it, by the clocks of the machines.
+    pub silent: f64,
+}
+
+impl JobStatus {
+    /// That of the job in `dir`.
+    ///
+    /// # Errors
+    ///
+    /// If `dir` holds no job that several processes do, or cannot be read.
+    pub fn of(dir: &Path) -> Result<Self, JobError> {
+        if let Some(groups) = ScanGroups::read(dir)
+            && !Handover::is_in(dir)
+        {
+            return Self::of_scattering(dir, groups.count);
+        }
+        let handover = Handover::read(dir)?;
+        let plan = &handover.plan.plan;
+        let claims = Claim::all(&TILES, dir)?;
+        let solved = SolvedTiles::of(packs_of(&claims)?);
+        let (mut done, mut seconds) = (0, 0.0);
+        let mut count = 0;
+        for tile in plan.tiles.iter().filter(|tile| solved.contains(tile.id)) {
+            count += 1;
+            done += tile.cost;
+            seconds += solved.figures(tile.id)?.seconds;
+        }
+        let groups = groups(plan);
+        let begun = begun(&claims, |group| {
+            let tiles = groups.get(group).into_iter().flatten();
+            tiles.map(|tile| tile.id).collect()
+        });
+        let all: u64 = plan.tiles.iter().map(|tile| tile.cost).sum();
+        let workers = begun
+            .iter()
+            .filter(|g| g.silent < 4.0 * BEAT.as_secs_f64())
+            .count();
+        let rest = seconds / done as f64 * (all - done) as f64 / workers as f64;
+        Ok(Self {
+            scattered: None,
+            tiles: plan.tiles.len() as u64,
+            solved: count,
+            share: done as f64 / all as f64,
+            begun,
+            seconds: rest.is_finite().then_some(rest),
+        })
+    }
+
+    fn of_scattering(dir: &Path, count: usize) -> Result<Self, JobError> {
+        let claims = Claim::all(&POINTS, dir)?;
+        let is_complete = |group| {
+            let of_group = |c: &&Claim| c.group == group;
+            let complete = |c: &Claim| c.ending == Ending::Complete;
+            claims.iter().filter(of_group).any(complete)
+        };
+        let complete = (0..count).filter(|&group| is_complete(group)).count();
+        Ok(Self {
+            scattered: Some([complete as u64, count as u64]),
+            tiles: 0,
+            solved: 0,
+            share: complete as f64 / count as f64,
+            begun: begun(&claims, |group| vec![group as u32]),
+            seconds: None,
+        })
+    }
+}
+
+/// The attempts of `claims` that may be at work.
+fn begun(claims: &[Claim], members: impl Fn(usize) -> Vec<u32>) -> Vec<BegunGroup> {
+    let is_over = |claim: &Claim| {
+        let mut of_group = claims.iter().filter(|other| other.group == claim.group);
+        of_group.any(|o| o.ending == Ending::Complete || o.attempt > claim.attempt)
+    };
+    claims
+        .iter()
+        .filter(|claim| claim.ending == Ending::Begun && !is_over(claim))
+        .filter_map(|claim| {
+            let modified = fs::metadata(claim.path()).ok()?.modified().ok()?;
+            Some(BegunGroup {
+                members: members(claim.group),
+                attempt: claim.attempt + 1,
+                silent: modified.elapsed().unwrap_or_default().as_secs_f64(),
+            })
+        })
+        .collect()
+}
