@@ -118,49 +118,72 @@ impl Plan {
     }
 }
 
-/// Numbers by counting square: rows of running sums, so that a rectangle costs
-/// two searches a row and an empty city block nothing.
+/// Numbers by counting square: columns and rows of running sums, so that a rectangle costs
+/// two searches a line and an empty city block nothing.
 struct Sums {
     square: i64,
-    /// Row, and for its occupied squares the column and the sum up to it.
-    rows: Vec<(i64, Vec<(i64, u64)>)>,
+    /// The columns, and the rows.
+    lines: [Vec<Line>; 2],
+}
+
+/// A column or a row of squares.
+struct Line {
+    place: i64,
+    squares: Running,
+}
+
+/// Sums up to places along a line, each with that place; in their order.
+#[derive(Default)]
+struct Running(Vec<(i64, u64)>);
+
+impl Running {
+    fn push(&mut self, place: i64, count: u64) {
+        let before = self.0.last().map_or(0, |last| last.1);
+        self.0.push((place, before + count));
+    }
+
+    /// The sum from one place to another, both included.
+    fn between(&self, [low, high]: [i64; 2]) -> u64 {
+        let up_to = |place: i64| match self.0.partition_point(|s| s.0 <= place) {
+            0 => 0,
+            n => self.0[n - 1].1,
+        };
+        up_to(high) - up_to(low - 1)
+    }
 }
 
 impl Sums {
     fn new(squares: impl Iterator<Item = ([i64; 2], u64)>, square: i64) -> Self {
-        let mut sorted: Vec<([i64; 2], u64)> = squares.map(|([x, y], n)| ([y, x], n)).collect();
-        sorted.sort_unstable();
-        let mut rows: Vec<(i64, Vec<(i64, u64)>)> = Vec::new();
-        for ([y, x], count) in sorted {
-            match rows.last_mut() {
-                Some((row, squares)) if *row == y => {
-                    let sum = squares.last().map_or(0, |s| s.1) + count;
-                    squares.push((x, sum));
+        let mut squares: Vec<([i64; 2], u64)> = squares.collect();
+        let lines = [0, 1].map(|axis| {
+            squares.sort_unstable_by_key(|(place, _)| [place[axis], place[1 - axis]]);
+            let mut lines: Vec<Line> = Vec::new();
+            for (place, count) in &squares {
+                if lines.last().is_none_or(|last| last.place != place[axis]) {
+                    lines.push(Line {
+                        place: place[axis],
+                        squares: Running::default(),
+                    });
                 }
-                _ => rows.push((y, vec![(x, count)])),
+                if let Some(line) = lines.last_mut() {
+                    line.squares.push(place[1 - axis], *count);
+                }
             }
-        }
-        Self { square, rows }
+            lines
+        });
+        Self { square, lines }
     }
 
     /// The smallest rectangle of whole squares around all points.
     fn bounds(&self) -> Option<Rect> {
-        let west = self
-            .rows
-            .iter()
-            .filter_map(|(_, s)| s.first())
-            .map(|s| s.0)
-            .min()?;
-        let east = self
-            .rows
-            .iter()
-            .filter_map(|(_, s)| s.last())
-            .map(|s| s.0)
-            .max()?;
-        let (south, north) = (self.rows.first()?.0, self.rows.last()?.0);
+        let ends = [0, 1].map(|axis| {
+            let lines = &self.lines[axis];
+            Some((lines.first()?.place, lines.last()?.place + 1))
+        });
+        let [(west, east), (south, north)] = [ends[0]?, ends[1]?];
         Some(Rect {
-            min: [west * self.square, south * self.square],
-            max: [(east + 1) * self.square, (north + 1) * self.square],
+            min: [west, south].map(|c| c * self.square),
+            max: [east, north].map(|c| c * self.square),
         })
     }
 
@@ -169,23 +192,36 @@ impl Sums {
         rect.grown((margin + self.square - 1) / self.square * self.square)
     }
 
+    /// The first and the last square that stored coordinates from `from` on touch that are less
+    /// than `to`.
+    fn touched(&self, from: i64, to: i64) -> [i64; 2] {
+        [from, to - 1].map(|c| c.div_euclid(self.square))
+    }
+
+    /// Of the squares that `rect` touches the columns or, for axis 1, the rows, each with its
+    /// sum.
+    fn lines(&self, rect: &Rect, axis: usize) -> impl Iterator<Item = (i64, u64)> + '_ {
+        let [along, across] = [axis, 1 - axis].map(|a| self.touched(rect.min[a], rect.max[a]));
+        let lines = &self.lines[axis];
+        let first = lines.partition_point(|line| line.place < along[0]);
+        let lines = lines[first..].iter();
+        lines
+            .take_while(move |line| line.place <= along[1])
+            .map(move |line| (line.place, line.squares.between(across)))
+    }
+
     /// The sum over the squares that `rect` touches.
     fn touching(&self, rect: &Rect) -> u64 {
-        let low = rect.min.map(|c| c.div_euclid(self.square));
-        // The last square touched: the one that holds `max - 1`.
-        let high = rect.max.map(|c| (c - 1).div_euclid(self.square));
-        let first = self.rows.partition_point(|(row, _)| *row < low[1]);
-        self.rows[first..]
-            .iter()
-            .take_while(|(row, _)| *row <= high[1])
-            .map(|(_, squares)| {
-                let up_to = |column: i64| match squares.partition_point(|s| s.0 <= column) {
-                    0 => 0,
-                    n => squares[n - 1].1,
-                };
-                up_to(high[0]) - up_to(low[0] - 1)
-            })
-            .sum()
+        self.lines(rect, 1).map(|(_, sum)| sum).sum()
+    }
+
+    /// Sums along an axis over the squares that `rect` touches.
+    fn profile(&self, rect: &Rect, axis: usize) -> Running {
+        let mut running = Running::default();
+        for (place, sum) in self.lines(rect, axis) {
+            running.push(place, sum);
+        }
+        running
     }
 }
 
@@ -245,6 +281,9 @@ fn best_cut(costs: &Sums, core: Rect, halo: i64) -> Option<[Rect; 2]> {
     let mut best: Option<((bool, u64), [Rect; 2])> = None;
     let sliver = costs.touching(&core) / SLIVER;
     for axis in 0..2 {
+        // Parts and what they see differ along this axis alone.
+        let own = costs.profile(&core, axis);
+        let seen = costs.profile(&core.grown(halo), axis);
         let squares = (core.max[axis] - core.min[axis]) / costs.square;
         let cuts = CUTS.min(squares - 1);
         for cut in 1..=cuts {
@@ -255,11 +294,15 @@ fn best_cut(costs: &Sums, core: Rect, halo: i64) -> Option<[Rect; 2]> {
             let mut parts = [core; 2];
             parts[0].max[axis] = at;
             parts[1].min[axis] = at;
-            let [near, far] = parts.map(|part| match costs.touching(&part) {
+            let within = |part: Rect, margin| {
+                costs.touched(part.min[axis] - margin, part.max[axis] + margin)
+            };
+            let costs_of = parts.map(|part| own.between(within(part, 0)));
+            let is_sliver = costs_of.iter().any(|&cost| cost < sliver);
+            let [near, far] = [0, 1].map(|side| match costs_of[side] {
                 0 => 0,
-                _ => costs.touching(&part.grown(halo)),
+                _ => seen.between(within(parts[side], halo)),
             });
-            let is_sliver = parts.iter().any(|part| costs.touching(part) < sliver);
             let cost = (is_sliver, near + far + near.abs_diff(far) / 2);
             if best.is_none_or(|(least, _)| cost < least) {
                 best = Some((cost, parts));
@@ -351,7 +394,16 @@ mod tests {
                 })
                 .map(|s| s.1)
                 .sum();
-            prop_assert_eq!(counts(&squares, 10).touching(&rect), truth);
+            let counts = counts(&squares, 10);
+            prop_assert_eq!(counts.touching(&rect), truth);
+            for axis in 0..2 {
+                let along = counts.touched(rect.min[axis], rect.max[axis]);
+                let wide = Rect {
+                    min: std::array::from_fn(|a| rect.min[a] - if a == axis { 95 } else { 0 }),
+                    max: std::array::from_fn(|a| rect.max[a] + if a == axis { 95 } else { 0 }),
+                };
+                prop_assert_eq!(counts.profile(&wide, axis).between(along), truth);
+            }
         }
     }
 
