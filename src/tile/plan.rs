@@ -150,6 +150,13 @@ impl Running {
         };
         up_to(high) - up_to(low - 1)
     }
+
+    /// The first and the last place from one to another, both included.
+    fn ends(&self, [low, high]: [i64; 2]) -> Option<[i64; 2]> {
+        let first = self.0.partition_point(|s| s.0 < low);
+        let end = self.0.partition_point(|s| s.0 <= high);
+        (first < end).then(|| [self.0[first].0, self.0[end - 1].0])
+    }
 }
 
 impl Sums {
@@ -198,30 +205,54 @@ impl Sums {
         [from, to - 1].map(|c| c.div_euclid(self.square))
     }
 
-    /// Of the squares that `rect` touches the columns or, for axis 1, the rows, each with its
-    /// sum.
-    fn lines(&self, rect: &Rect, axis: usize) -> impl Iterator<Item = (i64, u64)> + '_ {
-        let [along, across] = [axis, 1 - axis].map(|a| self.touched(rect.min[a], rect.max[a]));
+    /// The columns that `rect` touches or, for axis 1, the rows.
+    fn lines(&self, rect: &Rect, axis: usize) -> &[Line] {
+        let [low, high] = self.touched(rect.min[axis], rect.max[axis]);
         let lines = &self.lines[axis];
-        let first = lines.partition_point(|line| line.place < along[0]);
-        let lines = lines[first..].iter();
-        lines
-            .take_while(move |line| line.place <= along[1])
-            .map(move |line| (line.place, line.squares.between(across)))
+        let first = lines.partition_point(|line| line.place < low);
+        let count = lines[first..].partition_point(|line| line.place <= high);
+        &lines[first..first + count]
+    }
+
+    /// The axis along which `rect` touches fewer lines.
+    fn short_axis(&self, rect: &Rect) -> usize {
+        let [columns, rows] = [0, 1].map(|axis| self.lines(rect, axis).len());
+        usize::from(rows < columns)
     }
 
     /// The sum over the squares that `rect` touches.
     fn touching(&self, rect: &Rect) -> u64 {
-        self.lines(rect, 1).map(|(_, sum)| sum).sum()
+        let axis = self.short_axis(rect);
+        let across = self.touched(rect.min[1 - axis], rect.max[1 - axis]);
+        let lines = self.lines(rect, axis).iter();
+        lines.map(|line| line.squares.between(across)).sum()
     }
 
     /// Sums along an axis over the squares that `rect` touches.
     fn profile(&self, rect: &Rect, axis: usize) -> Running {
+        let rect = self.shrunk(rect);
+        let across = self.touched(rect.min[1 - axis], rect.max[1 - axis]);
         let mut running = Running::default();
-        for (place, sum) in self.lines(rect, axis) {
-            running.push(place, sum);
+        for line in self.lines(&rect, axis) {
+            running.push(line.place, line.squares.between(across));
         }
         running
+    }
+
+    /// `rect` without what is empty before and behind its squares: a tile of a street that
+    /// runs at an angle may be a few squares wide and thousands long.
+    fn shrunk(&self, rect: &Rect) -> Rect {
+        let axis = self.short_axis(rect);
+        let across = self.touched(rect.min[1 - axis], rect.max[1 - axis]);
+        let lines = self.lines(rect, axis).iter();
+        let ends = lines.filter_map(|line| line.squares.ends(across));
+        let ends = ends.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+        let mut shrunk = *rect;
+        if let Some([first, last]) = ends {
+            shrunk.min[1 - axis] = rect.min[1 - axis].max(first * self.square);
+            shrunk.max[1 - axis] = rect.max[1 - axis].min((last + 1) * self.square);
+        }
+        shrunk
     }
 }
 
