@@ -6,6 +6,8 @@
 //! that make neighbours see the same places twice are costly: of the cuts tried the
 //! one that makes least be seen, evenly shared, is taken.
 
+use std::ops::Range;
+
 use serde::{Deserialize, Serialize};
 
 use super::Spill;
@@ -123,40 +125,35 @@ impl Plan {
 struct Sums {
     square: i64,
     /// The columns, and the rows.
-    lines: [Vec<Line>; 2],
+    lines: [Lines; 2],
 }
 
-/// A column or a row of squares.
-struct Line {
-    place: i64,
-    squares: Running,
+/// All columns or all rows that hold squares.
+struct Lines {
+    /// The place of each, and where its squares end in `squares`.
+    ends: Vec<(i64, usize)>,
+    /// Line by line the places of the squares along it, each with the sum up to it.
+    squares: Vec<(i64, u64)>,
 }
 
-/// Sums up to places along a line, each with that place; in their order.
-#[derive(Default)]
-struct Running(Vec<(i64, u64)>);
-
-impl Running {
-    fn push(&mut self, place: i64, count: u64) {
-        let before = self.0.last().map_or(0, |last| last.1);
-        self.0.push((place, before + count));
+impl Lines {
+    fn place(&self, line: usize) -> i64 {
+        self.ends[line].0
     }
 
-    /// The sum from one place to another, both included.
-    fn between(&self, [low, high]: [i64; 2]) -> u64 {
-        let up_to = |place: i64| match self.0.partition_point(|s| s.0 <= place) {
-            0 => 0,
-            n => self.0[n - 1].1,
-        };
-        up_to(high) - up_to(low - 1)
+    fn squares(&self, line: usize) -> &[(i64, u64)] {
+        let start = if line == 0 { 0 } else { self.ends[line - 1].1 };
+        &self.squares[start..self.ends[line].1]
     }
+}
 
-    /// The first and the last place from one to another, both included.
-    fn ends(&self, [low, high]: [i64; 2]) -> Option<[i64; 2]> {
-        let first = self.0.partition_point(|s| s.0 < low);
-        let end = self.0.partition_point(|s| s.0 <= high);
-        (first < end).then(|| [self.0[first].0, self.0[end - 1].0])
-    }
+/// The sum from one place to another, both included, by sums up to places in their order.
+fn between(sums: &[(i64, u64)], [low, high]: [i64; 2]) -> u64 {
+    let up_to = |place: i64| match sums.partition_point(|s| s.0 <= place) {
+        0 => 0,
+        n => sums[n - 1].1,
+    };
+    up_to(high) - up_to(low - 1)
 }
 
 impl Sums {
@@ -164,19 +161,23 @@ impl Sums {
         let mut squares: Vec<([i64; 2], u64)> = squares.collect();
         let lines = [0, 1].map(|axis| {
             squares.sort_unstable_by_key(|(place, _)| [place[axis], place[1 - axis]]);
-            let mut lines: Vec<Line> = Vec::new();
+            let mut ends: Vec<(i64, usize)> = Vec::new();
+            let (mut sums, mut sum) = (Vec::with_capacity(squares.len()), 0);
             for (place, count) in &squares {
-                if lines.last().is_none_or(|last| last.place != place[axis]) {
-                    lines.push(Line {
-                        place: place[axis],
-                        squares: Running::default(),
-                    });
+                if ends.last().is_none_or(|last| last.0 != place[axis]) {
+                    ends.push((place[axis], 0));
+                    sum = 0;
                 }
-                if let Some(line) = lines.last_mut() {
-                    line.squares.push(place[1 - axis], *count);
+                sum += count;
+                sums.push((place[1 - axis], sum));
+                if let Some(last) = ends.last_mut() {
+                    last.1 = sums.len();
                 }
             }
-            lines
+            Lines {
+                ends,
+                squares: sums,
+            }
         });
         Self { square, lines }
     }
@@ -184,8 +185,8 @@ impl Sums {
     /// The smallest rectangle of whole squares around all points.
     fn bounds(&self) -> Option<Rect> {
         let ends = [0, 1].map(|axis| {
-            let lines = &self.lines[axis];
-            Some((lines.first()?.place, lines.last()?.place + 1))
+            let ends = &self.lines[axis].ends;
+            Some((ends.first()?.0, ends.last()?.0 + 1))
         });
         let [(west, east), (south, north)] = [ends[0]?, ends[1]?];
         Some(Rect {
@@ -206,46 +207,58 @@ impl Sums {
     }
 
     /// The columns that `rect` touches or, for axis 1, the rows.
-    fn lines(&self, rect: &Rect, axis: usize) -> &[Line] {
+    fn touched_lines(&self, rect: &Rect, axis: usize) -> Range<usize> {
         let [low, high] = self.touched(rect.min[axis], rect.max[axis]);
-        let lines = &self.lines[axis];
-        let first = lines.partition_point(|line| line.place < low);
-        let count = lines[first..].partition_point(|line| line.place <= high);
-        &lines[first..first + count]
+        let ends = &self.lines[axis].ends;
+        let first = ends.partition_point(|(place, _)| *place < low);
+        first..ends.partition_point(|(place, _)| *place <= high).max(first)
     }
 
-    /// The axis along which `rect` touches fewer lines.
-    fn short_axis(&self, rect: &Rect) -> usize {
-        let [columns, rows] = [0, 1].map(|axis| self.lines(rect, axis).len());
-        usize::from(rows < columns)
+    /// The same, and the first and the last square of each that `rect` touches, for the axis
+    /// along which it touches fewer.
+    fn fewest_lines(&self, rect: &Rect) -> (usize, Range<usize>, [i64; 2]) {
+        let [columns, rows] = [0, 1].map(|axis| self.touched_lines(rect, axis));
+        let (axis, lines) = match rows.len() < columns.len() {
+            true => (1, rows),
+            false => (0, columns),
+        };
+        let across = self.touched(rect.min[1 - axis], rect.max[1 - axis]);
+        (axis, lines, across)
     }
 
     /// The sum over the squares that `rect` touches.
     fn touching(&self, rect: &Rect) -> u64 {
-        let axis = self.short_axis(rect);
-        let across = self.touched(rect.min[1 - axis], rect.max[1 - axis]);
-        let lines = self.lines(rect, axis).iter();
-        lines.map(|line| line.squares.between(across)).sum()
+        let (axis, lines, across) = self.fewest_lines(rect);
+        lines
+            .map(|line| between(self.lines[axis].squares(line), across))
+            .sum()
     }
 
-    /// Sums along an axis over the squares that `rect` touches.
-    fn profile(&self, rect: &Rect, axis: usize) -> Running {
+    /// Sums up to the columns that `rect` touches or, for axis 1, the rows, over the squares
+    /// that it touches.
+    fn profile(&self, rect: &Rect, axis: usize) -> Vec<(i64, u64)> {
         let rect = self.shrunk(rect);
         let across = self.touched(rect.min[1 - axis], rect.max[1 - axis]);
-        let mut running = Running::default();
-        for line in self.lines(&rect, axis) {
-            running.push(line.place, line.squares.between(across));
-        }
-        running
+        let lines = &self.lines[axis];
+        let mut sum = 0;
+        self.touched_lines(&rect, axis)
+            .map(|line| {
+                sum += between(lines.squares(line), across);
+                (lines.place(line), sum)
+            })
+            .collect()
     }
 
     /// `rect` without what is empty before and behind its squares: a tile of a street that
     /// runs at an angle may be a few squares wide and thousands long.
     fn shrunk(&self, rect: &Rect) -> Rect {
-        let axis = self.short_axis(rect);
-        let across = self.touched(rect.min[1 - axis], rect.max[1 - axis]);
-        let lines = self.lines(rect, axis).iter();
-        let ends = lines.filter_map(|line| line.squares.ends(across));
+        let (axis, lines, [low, high]) = self.fewest_lines(rect);
+        let ends = lines.filter_map(|line| {
+            let squares = self.lines[axis].squares(line);
+            let first = squares.partition_point(|s| s.0 < low);
+            let end = squares.partition_point(|s| s.0 <= high);
+            (first < end).then(|| [squares[first].0, squares[end - 1].0])
+        });
         let ends = ends.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
         let mut shrunk = *rect;
         if let Some([first, last]) = ends {
@@ -328,11 +341,11 @@ fn best_cut(costs: &Sums, core: Rect, halo: i64) -> Option<[Rect; 2]> {
             let within = |part: Rect, margin| {
                 costs.touched(part.min[axis] - margin, part.max[axis] + margin)
             };
-            let costs_of = parts.map(|part| own.between(within(part, 0)));
+            let costs_of = parts.map(|part| between(&own, within(part, 0)));
             let is_sliver = costs_of.iter().any(|&cost| cost < sliver);
             let [near, far] = [0, 1].map(|side| match costs_of[side] {
                 0 => 0,
-                _ => seen.between(within(parts[side], halo)),
+                _ => between(&seen, within(parts[side], halo)),
             });
             let cost = (is_sliver, near + far + near.abs_diff(far) / 2);
             if best.is_none_or(|(least, _)| cost < least) {
@@ -433,7 +446,7 @@ mod tests {
                     min: std::array::from_fn(|a| rect.min[a] - if a == axis { 95 } else { 0 }),
                     max: std::array::from_fn(|a| rect.max[a] + if a == axis { 95 } else { 0 }),
                 };
-                prop_assert_eq!(counts.profile(&wide, axis).between(along), truth);
+                prop_assert_eq!(between(&counts.profile(&wide, axis), along), truth);
             }
         }
     }
