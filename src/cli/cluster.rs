@@ -14,7 +14,7 @@ use lloydar::{
 };
 
 use super::{
-    CANCEL, Scans, describing,
+    CANCEL, Scans, allocator, describing,
     printing::result,
     run_and_report, stop_on_signals,
     terminal::{Look, Terminal, duration},
@@ -84,11 +84,11 @@ pub(super) fn scatter(
     shard: Option<(u32, u32)>,
     others: &Others,
 ) -> Result<u8, JobError> {
-    stop_on_signals();
     let job = Job {
         restart,
         ..super::job(scans, output)?
     };
+    stop_on_signals();
     let terminal = Terminal::new(Look::choose(scans.quiet, scans.log == "json"));
     let worker = others.worker(job.settings.threads, shard, shard.is_none());
     if shard.is_some() {
@@ -107,6 +107,7 @@ pub(super) fn scatter(
 
 /// Solves tiles until there are none that nobody works on.
 pub(super) fn solve(sharing: &Sharing, shard: Option<(u32, u32)>) -> Result<u8, JobError> {
+    allocator::spare(Job::handed_over(&sharing.dir)?.memory());
     stop_on_signals();
     let terminal = Terminal::new(sharing.look());
     let worker = sharing.worker(shard, false);
@@ -119,11 +120,12 @@ pub(super) fn stitch(
     memory: Option<Bytes>,
     scratch: Option<PathBuf>,
 ) -> Result<u8, JobError> {
-    stop_on_signals();
     let mut job = Job {
         scratch,
         ..Job::handed_over(&sharing.dir)?
     };
+    allocator::spare(job.memory());
+    stop_on_signals();
     let worker = sharing.worker(None, true);
     worker.solve(&sharing.dir, &Terminal::new(sharing.look()), &CANCEL)?;
     job.settings.threads = worker.threads;

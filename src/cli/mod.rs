@@ -1,5 +1,6 @@
 //! The commands, and what they print.
 
+mod allocator;
 mod cluster;
 mod describing;
 mod printing;
@@ -352,7 +353,7 @@ fn job(scans: &Scans, output: &Path) -> Result<Job, JobError> {
         true => metres_per_unit(&scans.inputs, &choices)?,
         false => None,
     };
-    Ok(Job {
+    let job = Job {
         inputs: scans.inputs.clone(),
         output: output.to_owned(),
         dir: choices
@@ -365,7 +366,9 @@ fn job(scans: &Scans, output: &Path) -> Result<Job, JobError> {
         keep: choices.keep_job,
         skip_bad_files: choices.on_bad_file == Some(OnBadFile::Skip),
         restart: false,
-    })
+    };
+    allocator::spare(job.memory());
+    Ok(job)
 }
 
 /// Metres to a unit of the CRS that the choices give, or else the first input that states

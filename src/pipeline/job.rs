@@ -192,6 +192,12 @@ impl Job {
         }
     }
 
+    /// The most memory that it may hold, in bytes: what was asked for, or three quarters of
+    /// what there is.
+    pub fn memory(&self) -> u64 {
+        self.budget().total
+    }
+
     fn budget(&self) -> Budget {
         Budget::new(self.settings.memory, self.settings.threads)
     }
