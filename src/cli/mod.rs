@@ -21,7 +21,7 @@ use lloydar::{
     las::{InputFile, expand_inputs},
     picture::View,
     pipeline::{
-        Coloring, InputCount, Job, JobError, Picture, Quiet, default_directory, render, write_file,
+        Coloring, InputCount, Job, JobError, Picture, default_directory, render, write_file,
     },
     report::{REPORT_PAGE, Report, VIEWER_PAGE},
 };
@@ -458,7 +458,8 @@ fn write_report(job: &Job, report: &Report) -> Result<Vec<String>, JobError> {
 
 fn plan_job(scans: &Scans, output: &Path, json: bool) -> Result<u8, JobError> {
     let job = job(scans, output)?;
-    let Some(plan) = job.plan(&Quiet, &CANCEL)? else {
+    let terminal = Terminal::new(Look::choose(scans.quiet, scans.log == "json"));
+    let Some(plan) = job.plan(&terminal, &CANCEL)? else {
         result!("{} is complete already", output.display());
         return Ok(0);
     };

@@ -293,7 +293,6 @@ impl Worker {
             });
             if let Some((group, attempt)) = free {
                 let claim = Claim::new(kind, dir, group, attempt);
-                // If it is there by now, another process was faster.
                 if claim.take()? {
                     let of_group = |other: &Claim| other.group == group;
                     let earlier: Vec<Claim> = claims.into_iter().filter(of_group).collect();
@@ -304,6 +303,9 @@ impl Worker {
                         left.insert(group);
                     }
                     is_done?;
+                } else {
+                    // Another process was faster; what a network lists may be older still.
+                    thread::sleep(HEED);
                 }
                 continue;
             }

@@ -15,6 +15,7 @@
 
 use std::{
     collections::BTreeMap,
+    fs::File,
     path::{Path, PathBuf},
 };
 
@@ -170,10 +171,10 @@ impl Spill {
         let index_path = index_path(stem);
         let index = Index::read(&index_path)?.ok_or_else(|| TileError::damaged(&index_path))?;
         let path = spill_path(stem);
-        let length = std::fs::metadata(&path)
-            .map_err(|source| TileError::io("read", &path, source))?
-            .len();
-        match length == index.bytes {
+        // Opened: what a network knows of a file by its name alone may be a minute old.
+        let length = File::open(&path).and_then(|file| file.metadata());
+        let length = length.map_err(|source| TileError::io("read", &path, source))?;
+        match length.len() == index.bytes {
             true => Ok(index),
             false => Err(TileError::damaged(&path)),
         }
