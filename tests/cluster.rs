@@ -266,6 +266,7 @@ for word in "$@"; do
         --array=0-*) tasks=$(seq 0 "${word#--array=0-}") ;;
         --wrap=*) command=${word#--wrap=} ;;
         --job-name=lloydar-again) exec echo 0 ;;
+        --export=ALL,SOLVE=*) export "${word#--export=ALL,}" ;;
     esac
 done
 if [ -n "$tasks" ]; then
@@ -291,6 +292,15 @@ fn what_is_submitted_does_the_job_whatever_the_names() {
     let tool = dir.path().join("sbatch");
     fs::write(&tool, SBATCH).unwrap();
     fs::set_permissions(&tool, fs::Permissions::from_mode(0o755)).unwrap();
+    // Slurm would be told how long tasks may take.
+    let told = dir.path().join("told");
+    let control = dir.path().join("scontrol");
+    fs::write(
+        &control,
+        format!("#!/bin/sh\necho \"$@\" >> '{}'\n", told.display()),
+    )
+    .unwrap();
+    fs::set_permissions(&control, fs::Permissions::from_mode(0o755)).unwrap();
     let mut arguments = vec![
         "slurm",
         text(&scans),
@@ -330,6 +340,9 @@ fn what_is_submitted_does_the_job_whatever_the_names() {
     assert!(!many.exists());
     let done = submit(&[]);
     assert!(done.status.success(), "{}", said(&done));
+    let told = fs::read_to_string(told).unwrap();
+    // A few seconds of work, three times, and ten minutes.
+    assert_eq!(told, "update JobId=17 TimeLimit=11\n");
     assert!(
         fs::read(&many).unwrap() == fs::read(&one).unwrap(),
         "not the same bytes"

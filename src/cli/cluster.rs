@@ -172,6 +172,21 @@ pub(super) fn status(dir: &Path, json: bool) -> Result<u8, JobError> {
     Ok(0)
 }
 
+/// Prints the minutes that tasks should be given.
+pub(super) fn limit(dir: &Path, tasks: u32, cores: u32) -> Result<u8, JobError> {
+    result!("{}", JobStatus::minutes_at_most(dir, tasks, cores)?);
+    Ok(0)
+}
+
+/// `64x4` as tasks and cores.
+pub(super) fn tasks(text: &str) -> Result<[u32; 2], String> {
+    let numbers = text.split_once('x').and_then(|(tasks, cores)| {
+        let number = |text: &str| text.parse().ok().filter(|&number: &u32| number > 0);
+        Some([number(tasks)?, number(cores)?])
+    });
+    numbers.ok_or_else(|| format!("`{text}` is no number of tasks and cores; write it like 64x4"))
+}
+
 /// `3/16` as which of how many, from 0.
 pub(super) fn shard(text: &str) -> Result<(u32, u32), String> {
     let parts = text.split_once('/').and_then(|(own, of)| {
@@ -192,7 +207,8 @@ pub(super) struct Cluster {
     /// Cores for each task
     #[arg(long, value_name = "N", default_value = "4")]
     cpus: u32,
-    /// Time limit of each task, as sbatch has it [default: the partition's]
+    /// Time limit of each task, as sbatch has it [default: the partition's, and for those that
+    /// solve tiles what the plan says, if that is less]
     #[arg(long, value_name = "TIME")]
     time: Option<String>,
     /// Partition [default: the cluster's]
@@ -208,6 +224,9 @@ pub(super) struct Cluster {
 
 /// Memory of a task when none is asked for.
 const TASK_MEMORY: Bytes = Bytes(4 << 30);
+
+/// MiB of the task that says how long others may take.
+const LIMIT_MEMORY: u64 = 128;
 
 /// Submits a job to Slurm.
 pub(super) fn slurm(cluster: &Cluster, scans: &Scans, output: &Path) -> Result<u8, JobError> {
@@ -261,6 +280,20 @@ impl Cluster {
         let stitch = format!(
             "exec {program} stitch {job} --threads {cpus} ${{TMPDIR:+--scratch \"$TMPDIR\"}}"
         );
+        // What the partition allows is the most; a better limit is known once there is a plan.
+        let limit = match self.time {
+            Some(_) => ":".to_owned(),
+            None => self.sbatch(
+                "limit",
+                &logs,
+                LIMIT_MEMORY,
+                "--dependency=afterok:$plan --export=ALL,SOLVE=$solve",
+                &format!(
+                    "{program} status {job} --limit {}x{cpus} | xargs -I% scontrol update JobId=$SOLVE TimeLimit=%",
+                    self.tasks
+                ),
+            ),
+        };
         // The budget is kept by measured costs; the margin is for what was not measured.
         let task = (memory.0 >> 20) * 5 / 4 + 64;
         let array = format!("--array=0-{}", self.tasks - 1);
@@ -273,6 +306,8 @@ impl Cluster {
              plan=$({})\n\
              # Tiles: who ends early takes over from the others.\n\
              solve=$({})\n\
+             # As much time for each of these as the plan says; the partition's where that is less.\n\
+             limit=$({})\n\
              # Once more with twice the memory, if a task failed.\n\
              again=$({})\n\
              # One cloud. What still is missing is solved here.\n\
@@ -288,6 +323,7 @@ impl Cluster {
                 &format!("{array} --dependency=afterok:$plan"),
                 &solve
             ),
+            limit,
             self.sbatch(
                 "again",
                 &logs,

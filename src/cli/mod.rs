@@ -120,6 +120,10 @@ enum Command {
         /// Print JSON
         #[arg(long)]
         json: bool,
+        /// Print instead in how many minutes each of so many tasks with so many cores, like
+        /// 64x4, should have solved its share, by the plan and with much to spare
+        #[arg(long, value_name = "TASKSxCORES", value_parser = cluster::tasks)]
+        limit: Option<[u32; 2]>,
     },
     /// Print the figures of uniformity of a cloud
     Measure {
@@ -289,7 +293,10 @@ fn run(command: Command) -> Result<u8, JobError> {
             memory,
             scratch,
         } => cluster::stitch(&sharing, memory, scratch),
-        Command::Status { dir, json } => cluster::status(&dir, json),
+        Command::Status { dir, json, limit } => match limit {
+            Some([tasks, cores]) => cluster::limit(&dir, tasks, cores),
+            None => cluster::status(&dir, json),
+        },
         Command::Measure {
             files,
             against,

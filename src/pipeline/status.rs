@@ -12,6 +12,10 @@ use super::{
     tile_groups::{TILES, groups, packs_of},
     tiles::SolvedTiles,
 };
+use crate::tile::Tile;
+
+/// For a task to begin, and to look at what others do.
+const SPARE_MINUTES: u64 = 10;
 
 /// How far a job is.
 #[derive(Clone, Debug, Serialize)]
@@ -85,6 +89,25 @@ impl JobStatus {
             begun,
             seconds: rest.is_finite().then_some(rest),
         })
+    }
+
+    /// Minutes after which each of so many tasks, with so many cores each, that solve the tiles of the
+    /// job in `dir` should have come to its end: three times what the plan expects, and a little.
+    ///
+    /// # Errors
+    ///
+    /// If `dir` holds no scattered job, or cannot be read.
+    pub fn minutes_at_most(dir: &Path, tasks: u32, cores: u32) -> Result<u64, JobError> {
+        let handover = Handover::read(dir)?;
+        let (plan, settings) = (&handover.plan, &handover.job.settings);
+        let groups = groups(&plan.plan);
+        let cost = |tiles: &[Tile]| tiles.iter().map(|tile| tile.cost).sum::<u64>();
+        let heaviest = groups.first().map_or(0, |group| cost(group));
+        // A task does a whole group, however many tasks there are.
+        let share = heaviest as f64 / cost(&plan.plan.tiles).max(1) as f64;
+        let seconds_of_a_core = plan.seconds_to_solve * settings.threads as f64;
+        let seconds = seconds_of_a_core / f64::from(cores) * share.max(1.0 / f64::from(tasks));
+        Ok((3.0 * seconds / 60.0).ceil() as u64 + SPARE_MINUTES)
     }
 
     fn of_scattering(dir: &Path, count: usize) -> Result<Self, JobError> {
