@@ -103,6 +103,12 @@ impl Cell {
         self.cut_by_all(patch, site, &surface, neighbors);
     }
 
+    /// Clips the cell by `neighbors` that are farther than those that did before, and sorted
+    /// by distance, too.
+    pub fn clip_on(&mut self, patch: &Patch, site: Local, neighbors: &[Neighbor]) {
+        self.cut_by_all(patch, site, &patch.heights_from(site), neighbors);
+    }
+
     /// The same for a cell that is bounded by neighbours all around, within
     /// `radius` of the site, and in fewer steps; `false` if it is not.
     ///
@@ -379,6 +385,16 @@ impl Cell {
             .iter()
             .map(|c| c.edge)
             .filter(|&edge| edge != RIM)
+    }
+
+    /// The edges that neighbours made: whose, and from where to where, in the frame of
+    /// the patch, from the site.
+    pub(super) fn edges(&self) -> impl Iterator<Item = (u32, Local, Local)> + '_ {
+        let edges = self.corners().iter().map(|corner| corner.edge);
+        edges
+            .zip(self.sides())
+            .filter(|&(edge, _)| edge != RIM)
+            .map(|(edge, (from, to))| (edge, from, to))
     }
 
     /// Area, centroid and energy of the cell of `site`, as the fan of

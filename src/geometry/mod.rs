@@ -6,6 +6,7 @@ mod coordinates;
 mod neighbors;
 mod occupied;
 mod patch;
+mod response;
 
 pub use bisector::Neighbor;
 pub use cell::{Cell, DOMAIN_SIDES, Moments, Reach, domain_corners};
@@ -13,5 +14,6 @@ pub use coordinates::{Lattice, Local, Rect, Stored};
 pub use neighbors::NeighborGrid;
 pub use occupied::{CellIndex, OccupiedCells, cell_of};
 pub use patch::{Patch, PatchKind};
+pub use response::Response;
 
 pub(crate) use occupied::spread;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{anderson::Anderson, relaxation::Relaxation, solver::Step};
+use super::{anderson::Anderson, relaxation::Relaxation, step::Step};
 use crate::geometry::{Local, Stored};
 
 /// How an iteration goes from the centroids to the next sites.

@@ -287,7 +287,7 @@ fn solve((matrix, right): Equations, depth: usize) -> [f64; MEMORY] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lloyd::solver::Step;
+    use crate::lloyd::step::Step;
 
     /// A linear fixed point iteration x ← M x in every coordinate, with known
     /// answer 0: Anderson must find it in a few steps where plain iteration

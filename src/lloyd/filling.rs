@@ -22,7 +22,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::{Options, Scan, step::THICKNESS};
+use super::{Options, Scan, fit::THICKNESS};
 use crate::geometry::{Local, NeighborGrid, OccupiedCells, Patch, PatchKind, Stored, cell_of};
 
 /// Distance between places of the filling, in spacings: a patch then finds as

@@ -19,7 +19,10 @@
 
 mod acceleration;
 mod anderson;
+mod around;
+mod domain;
 mod filling;
+mod fit;
 mod neighborhoods;
 mod nodes;
 mod relaxation;
@@ -31,10 +34,11 @@ mod solver;
 mod step;
 
 pub use acceleration::Acceleration;
+pub use domain::Domain;
 pub use restriction::Restriction;
 pub use scan::Scan;
 pub use seeds::{AREA_PER_SEED, ELECTION_RADIUS, SeedRule, Seeds, elect, elected_in};
 pub use solver::{
-    DistanceSums, Domain, FARTHEST_NEIGHBOR, FILL, FIT_RADIUS, Options, Site, Solution,
-    describe_places, describe_points, solve, solve_watched,
+    DistanceSums, FARTHEST_NEIGHBOR, FILL, FIT_RADIUS, Options, Site, Solution, describe_places,
+    describe_points, solve, solve_watched,
 };

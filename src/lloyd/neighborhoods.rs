@@ -13,8 +13,19 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::step::bounds;
 use crate::geometry::{Local, Neighbor, NeighborGrid};
+
+/// Edge of a block, in spacings. Places of a block look for their neighbours and
+/// for samples together.
+pub(super) const BLOCK: f64 = 2.4;
+
+/// The corners of the box about `places`.
+pub(super) fn bounds(places: impl Iterator<Item = Local>) -> [Local; 2] {
+    let far = Local::repeat(f64::INFINITY);
+    places.fold([far, -far], |[low, high], place| {
+        [low.inf(&place), high.sup(&place)]
+    })
+}
 
 /// A ball of so many spacings holds what cuts a good cell.
 pub(super) const NEAR: f64 = 1.6;
@@ -34,6 +45,10 @@ pub(super) struct Neighborhoods {
     spacing: f64,
     /// Where the sites are.
     places: Vec<Local>,
+    /// What brought them there from where they were before …
+    moves: Vec<Local>,
+    /// … and how long it is, in spacings.
+    lengths: Vec<f32>,
     /// Sites that lie together.
     blocks: Vec<Range<usize>>,
     lists: Lists,
@@ -59,6 +74,8 @@ impl Neighborhoods {
         Self {
             spacing,
             lists: Lists::new(places.clone(), &blocks, spacing),
+            moves: vec![Local::zeros(); places.len()],
+            lengths: vec![0.0; places.len()],
             places,
             blocks,
             strays: Vec::new(),
@@ -83,12 +100,17 @@ impl Neighborhoods {
 
     /// Moves the sites to `places`.
     pub(super) fn go(&mut self, places: Vec<Local>) {
+        let per_spacing = 1.0 / self.spacing;
+        self.moves
+            .par_iter_mut()
+            .zip(&mut self.lengths)
+            .zip(places.par_iter().zip(&self.places))
+            .for_each(|((way, length), (now, before))| {
+                *way = now - before;
+                *length = (way.norm() * per_spacing) as f32;
+            });
         self.places = places;
-        let skin = 0.5 * SKIN * self.spacing;
-        let has_strayed = |&site: &u32| {
-            let way = self.places[site as usize] - self.lists.places[site as usize];
-            way.norm_squared() > skin * skin
-        };
+        let has_strayed = |&site: &u32| self.has_strayed(site, self.lists.places[site as usize]);
         let sites = 0..self.places.len() as u32;
         self.strays = sites.into_par_iter().filter(has_strayed).collect();
         if self.strays.len() > self.places.len() / MANY {
@@ -103,23 +125,14 @@ impl Neighborhoods {
         self.strayed = NeighborGrid::new(&strayed, CELL * self.spacing);
     }
 
-    /// Fills `around` with every site that can be within `radius` (CRS units) of one
-    /// of `block`.
-    pub(super) fn look_around(&self, block: &Range<usize>, radius: f64, around: &mut Vec<u32>) {
-        self.strays_around(block, radius, around);
-        let [low, high] = bounds(self.places[block.clone()].iter().copied());
-        let reach = Local::repeat(radius + 0.5 * SKIN * self.spacing);
-        let is_stray = |other| !self.strays.is_empty() && self.strays.binary_search(&other).is_ok();
-        self.lists
-            .grid
-            .visit_box(low - reach, high + reach, |other, _| {
-                if !is_stray(other) {
-                    around.push(other);
-                }
-            });
+    /// Whether `site`, which was at `listed` when the lists were made, is far from there.
+    fn has_strayed(&self, site: u32, listed: Local) -> bool {
+        let skin = 0.5 * SKIN * self.spacing;
+        (self.places[site as usize] - listed).norm_squared() > skin * skin
     }
 
-    /// The same for strays alone.
+    /// Fills `strays` with every stray that can be within `radius` (CRS units) of one of
+    /// `block`.
     pub(super) fn strays_around(&self, block: &Range<usize>, radius: f64, strays: &mut Vec<u32>) {
         strays.clear();
         if !self.strays.is_empty() {
@@ -130,35 +143,72 @@ impl Neighborhoods {
         }
     }
 
+    /// What brought `site` where it is.
+    pub(super) fn last_move(&self, site: usize) -> Local {
+        self.moves[site]
+    }
+
+    /// Its length, in spacings.
+    pub(super) fn length_of_move(&self, site: usize) -> f32 {
+        self.lengths[site]
+    }
+
+    /// All that can be near `site`, and more. `strays` are those around it; `None` if it is
+    /// one, and has no list.
+    pub(super) fn listed<'a>(
+        &'a self,
+        site: usize,
+        strays: &'a [u32],
+    ) -> Option<impl Iterator<Item = u32> + 'a> {
+        let has_list = !strays.contains(&(site as u32));
+        has_list.then(|| {
+            let listed = self.lists.of(site);
+            let missing = strays.iter().filter(|stray| !listed.contains(stray));
+            listed.iter().chain(missing).copied()
+        })
+    }
+
     /// Fills `neighbors` with every other site within [`NEAR`] of `site`. `strays`
     /// are those around it; `false` if it is one, and has no list.
     pub(super) fn near(&self, site: usize, strays: &[u32], neighbors: &mut Vec<Neighbor>) -> bool {
-        if strays.contains(&(site as u32)) {
+        let Some(listed) = self.listed(site, strays) else {
             return false;
-        }
-        let listed = self.lists.of(site).iter();
-        let missing = strays
-            .iter()
-            .filter(|stray| !self.lists.of(site).contains(stray));
-        self.within(site, NEAR * self.spacing, listed.chain(missing), neighbors);
+        };
+        let near = (NEAR * self.spacing).powi(2);
+        neighbors.clear();
+        neighbors.extend(
+            listed
+                .map(|other| self.neighbor(site, other))
+                .filter(|neighbor| neighbor.distance_squared <= near),
+        );
         true
     }
 
-    /// Fills `neighbors` with those of `others` within `radius` (CRS units) of
-    /// `site`, but itself.
-    pub(super) fn within<'a>(
+    /// Adds to `neighbors` every other site within `radius` (CRS units) of `site` whose squared
+    /// distance is `wanted`, wherever the sites have gone.
+    pub(super) fn around(
         &self,
         site: usize,
         radius: f64,
-        others: impl Iterator<Item = &'a u32>,
+        wanted: impl Fn(f64) -> bool,
         neighbors: &mut Vec<Neighbor>,
     ) {
-        neighbors.clear();
-        neighbors.extend(others.filter_map(|&other| {
-            (other as usize != site)
-                .then(|| self.neighbor(site, other))
-                .filter(|neighbor| neighbor.distance_squared <= radius * radius)
-        }));
+        let mut add = |other: u32| {
+            let neighbor = self.neighbor(site, other);
+            let squared = neighbor.distance_squared;
+            if other as usize != site && squared <= radius * radius && wanted(squared) {
+                neighbors.push(neighbor);
+            }
+        };
+        let place = self.places[site];
+        let reach = radius + 0.5 * SKIN * self.spacing;
+        self.lists.grid.visit_around(place, reach, |other, listed| {
+            if !self.has_strayed(other, listed) {
+                add(other);
+            }
+        });
+        self.strayed
+            .visit_around(place, radius, |stray, _| add(self.strays[stray as usize]));
     }
 
     /// Site `other` as a neighbour of `site`.
@@ -274,8 +324,8 @@ mod tests {
                     let block = own / 10 * 10..own / 10 * 10 + 10;
                     sites.strays_around(&block, radius, &mut around);
                     if radius > NEAR || !sites.near(own, &around, &mut found) {
-                        sites.look_around(&block, radius, &mut around);
-                        sites.within(own, radius, around.iter(), &mut found);
+                        found.clear();
+                        sites.around(own, radius, |_| true, &mut found);
                     }
                     sort(&mut found);
                     let found: Vec<(f64, u32)> = found

@@ -23,8 +23,9 @@ use rayon::prelude::*;
 
 use super::{
     Options, Scan,
+    fit::{Samples, is_allowed},
+    neighborhoods::{BLOCK, bounds},
     seeds::ROW,
-    step::{BLOCK, Samples, bounds, is_allowed},
 };
 use crate::geometry::{CellIndex, Local, OccupiedCells, Patch, PatchKind, Stored, cell_of};
 

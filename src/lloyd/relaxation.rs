@@ -52,7 +52,8 @@ impl Relaxation {
     pub(super) fn next(&mut self, iterate: &Iterate<'_>) -> Vec<Local> {
         let largest = (LARGEST_RESIDUAL * iterate.spacing).powi(2);
         let memory = &self.sites;
-        let next: Vec<(Local, Memory)> = (0..memory.len())
+        let (mut places, mut next) = (Vec::new(), Vec::new());
+        (0..memory.len())
             .into_par_iter()
             .map(|site| {
                 let own = memory[site];
@@ -78,9 +79,8 @@ impl Relaxation {
                 };
                 (iterate.sites[site] + residual * omega, memory)
             })
-            .collect();
-        let places;
-        (places, self.sites) = next.into_iter().unzip();
+            .unzip_into_vecs(&mut places, &mut next);
+        self.sites = next;
         places
     }
 }

@@ -18,10 +18,10 @@ use rayon::prelude::*;
 
 use super::{
     Options, Scan,
+    around::Scratch,
     neighborhoods::{neighbor, sort},
     nodes::Nodes,
     scan::priority,
-    step::Scratch,
 };
 use crate::geometry::{DOMAIN_SIDES, Local, NeighborGrid, Rect, Stored, spread};
 

@@ -3,13 +3,16 @@
 use rayon::prelude::*;
 
 use super::{
-    Acceleration, Restriction, Scan, SeedRule,
-    acceleration::{Accelerator, Iterate, LINKS, NO_LINK},
+    Acceleration, Domain, Restriction, Scan, SeedRule,
+    acceleration::{Accelerator, Iterate},
+    around::{Around, Scratch, clearance},
+    domain::Cone,
     elect,
-    neighborhoods::Neighborhoods,
-    step::{Around, BLOCK, Fit, Scratch, clearance, is_allowed},
+    fit::is_allowed,
+    neighborhoods::{BLOCK, Neighborhoods},
+    step::Step,
 };
-use crate::geometry::{Lattice, Local, OccupiedCells, PatchKind, Rect, Stored, cell_of};
+use crate::geometry::{Local, OccupiedCells, PatchKind, Stored, cell_of};
 
 /// What is asked of the solver. Lengths are CRS units.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -65,13 +68,13 @@ impl Options {
     /// How far influence is taken to travel in one iteration (CRS units): the
     /// diameter of a large cell. Measured on a simulated street, 97 tiles: with
     /// 1.4 spacings all tiles agreed to the bit, with 0.9 to 10⁻⁹ spacings.
-    fn reach_of_an_iteration(&self) -> f64 {
+    pub(super) fn reach_of_an_iteration(&self) -> f64 {
         1.25 * self.spacing
     }
 
     /// Seeds this deep inside what is known (CRS units) are taken to be elected
     /// everywhere alike.
-    fn seed_margin(&self) -> f64 {
+    pub(super) fn seed_margin(&self) -> f64 {
         SEED_MARGIN * self.spacing + self.fit_radius + 2.0 * (self.fill + self.smooth)
     }
 
@@ -91,34 +94,6 @@ impl Options {
 /// The election's chains, and what the normals of its lattices look at, are
 /// shorter than this, in spacings.
 const SEED_MARGIN: f64 = 8.0;
-
-/// What part of the plane is known, and what part is asked for.
-#[derive(Clone, Copy, Debug)]
-pub struct Domain {
-    /// Every point of the input in here is in the scan.
-    pub known: Rect,
-    /// Sites elected in here are wanted …
-    pub core: Rect,
-    /// … and those this far around it (stored units), to compare with
-    /// neighbours.
-    pub band: i64,
-}
-
-impl Domain {
-    /// The whole of a cloud, without tiles.
-    pub fn everything() -> Self {
-        const FAR: i64 = 1 << 40;
-        let all = Rect {
-            min: [-FAR; 2],
-            max: [FAR; 2],
-        };
-        Self {
-            known: all,
-            core: all,
-            band: 0,
-        }
-    }
-}
 
 /// A site at the end. Lengths are CRS units.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -165,6 +140,13 @@ pub struct DistanceSums {
 }
 
 impl DistanceSums {
+    /// Those of `distances`.
+    fn of(distances: impl Iterator<Item = f64>) -> Self {
+        let mut sums = Self::default();
+        distances.for_each(|distance| sums.push(distance));
+        sums
+    }
+
     /// Adds one distance.
     pub fn push(&mut self, distance: f64) {
         self.count += 1;
@@ -196,44 +178,6 @@ pub struct Solution {
     /// Distances of the core's sites at the start of every iteration and at
     /// the end.
     pub convergence: Vec<DistanceSums>,
-}
-
-/// What the last Lloyd step found for one site.
-#[derive(Clone)]
-pub(super) struct Step {
-    fit: Option<Fit>,
-    is_exact: bool,
-    /// The centroid, projected and restricted.
-    pub(super) target: Local,
-    /// Sites whose cells touch, then [`NO_LINK`].
-    pub(super) links: [u32; LINKS],
-    /// Whether they do not bound the cell all around.
-    is_open: bool,
-    nearest: Option<f64>,
-    /// How far the site may go in any direction and still keep clear.
-    free: f64,
-}
-
-impl Step {
-    /// That of a site at `place`, before the first step.
-    pub(super) fn new(place: Local) -> Self {
-        Self {
-            fit: None,
-            is_exact: false,
-            target: place,
-            links: [NO_LINK; LINKS],
-            is_open: false,
-            nearest: None,
-            free: 0.0,
-        }
-    }
-
-    /// The point of the site's patch at `place`, if it has one.
-    pub(super) fn project(&self, place: Local) -> Local {
-        self.fit
-            .as_ref()
-            .map_or(place, |fit| fit.patch.foot_point(place))
-    }
 }
 
 /// The sites of a cloud on their way, in the order of their blocks, and of
@@ -274,7 +218,7 @@ pub fn solve_watched(
         .unzip();
     let mut sites = Sites::new(scan, domain, options, &identities, &positions);
     for (step, &identity) in sites.steps.iter_mut().zip(&sites.identities) {
-        step.is_exact = domain.known.depth(identity) >= cone.seed_margin;
+        step.is_exact = cone.knows_seed(identity);
     }
     let seeds = sites.describe();
     let mut accelerator = Accelerator::new(
@@ -288,8 +232,7 @@ pub fn solve_watched(
         // The first ones take longer: more sites move, and more patches are fitted.
         let share = (f64::from(iteration) / f64::from(options.iterations)).powf(0.85);
         watch(ELECTION_SHARE + (1.0 - ELECTION_SHARE) * share);
-        sites.lloyd_step(&cone, iteration);
-        convergence.push(sites.nearest_distances());
+        convergence.push(sites.lloyd_step(&cone, iteration));
         let next = accelerator.next(&Iterate {
             sites: sites.neighborhoods.places(),
             steps: &sites.steps,
@@ -354,59 +297,55 @@ impl<'a> Sites<'a> {
         }
     }
 
-    /// One Lloyd step of every site that still matters.
-    fn lloyd_step(&mut self, cone: &Cone<'_>, iteration: u32) {
+    /// One Lloyd step of every site that still matters. Distances from the core's sites
+    /// to the nearest others, as it met them.
+    fn lloyd_step(&mut self, cone: &Cone<'_>, iteration: u32) -> DistanceSums {
         let matters = |site: usize| cone.matters(self.identities[site], iteration);
-        let was_exact: Vec<bool> = self.steps.iter().map(|step| step.is_exact).collect();
+        let was_exact: Vec<bool> = self.steps.par_iter().map(|step| step.is_exact).collect();
         self.steps
             .par_iter_mut()
             .zip(self.neighborhoods.places())
             .enumerate()
-            .for_each(|(site, (step, &position))| step.rest(position, matters(site)));
+            .filter(|&(site, _)| !matters(site))
+            .for_each(|(_, (step, &place))| step.leave(place));
         let (scan, options) = (self.scan, self.options);
-        by_block(
+        let nearest = by_block(
             &mut self.steps,
             &self.neighborhoods,
             options,
             matters,
-            |step, around| step.advance(scan, options, cone, &was_exact, around),
+            |step, around| {
+                let site = around.site;
+                step.advance(scan, options, cone, &was_exact, around);
+                step.nearest
+                    .filter(|_| self.domain.core.contains(self.identities[site]))
+            },
         );
+        DistanceSums::of(nearest.into_iter().flatten())
     }
 
     /// Moves the sites to `next`, projected and restricted; where that is not
     /// allowed, to the target of their Lloyd step.
-    fn go(&mut self, next: Vec<Local>) {
-        let places = next
-            .into_par_iter()
+    fn go(&mut self, mut next: Vec<Local>) {
+        next.par_iter_mut()
             .zip(&mut self.steps)
             .zip(self.neighborhoods.places())
-            .map(|((place, step), before)| match &mut step.fit {
-                Some(fit) if place != step.target => {
-                    let place = fit.patch.foot_point(place);
-                    let is_clear = (place - before).norm() <= step.free;
-                    if is_clear && is_allowed(self.scan, fit, place, self.options) {
-                        place
-                    } else {
-                        step.target
-                    }
+            .for_each(|((place, step), before)| {
+                let target = step.target;
+                if *place == target {
+                    return;
                 }
-                _ => step.target,
-            })
-            .collect();
-        self.neighborhoods.go(places);
-    }
-
-    /// Nearest distances of the core's sites, as the last step met them.
-    fn nearest_distances(&self) -> DistanceSums {
-        let mut sums = DistanceSums::default();
-        for (step, &identity) in self.steps.iter().zip(&self.identities) {
-            if let Some(distance) = step.nearest
-                && self.domain.core.contains(identity)
-            {
-                sums.push(distance);
-            }
-        }
-        sums
+                *place = match &mut step.fit {
+                    Some(fit) => {
+                        let place = fit.patch.foot_point(*place);
+                        let is_clear = (place - before).norm() <= step.free;
+                        let goes = is_clear && is_allowed(self.scan, fit, place, self.options);
+                        if goes { place } else { target }
+                    }
+                    None => target,
+                };
+            });
+        self.neighborhoods.go(next);
     }
 
     /// The sites of core and band as they are, with the figures of their
@@ -502,119 +441,7 @@ fn by_block<T: Send>(
         .collect()
 }
 
-impl Step {
-    /// A step that goes nowhere.
-    fn rest(&mut self, place: Local, matters: bool) {
-        self.target = place;
-        self.nearest = None;
-        self.free = 0.0;
-        self.is_exact &= matters;
-        if !matters {
-            self.links = [NO_LINK; LINKS];
-        }
-    }
-
-    /// III-B: the patch, kept while the site stays near where it was fitted.
-    fn fit_patch(&mut self, scan: &Scan, options: &Options, around: &mut Around<'_>) {
-        let place = around.place;
-        if !self
-            .fit
-            .as_ref()
-            .is_some_and(|fit| fit.serves(place, options.spacing))
-        {
-            self.fit = around.fit(scan, options);
-        }
-    }
-
-    /// From where the site is to its centroid.
-    fn advance(
-        &mut self,
-        scan: &Scan,
-        options: &Options,
-        cone: &Cone<'_>,
-        was_exact: &[bool],
-        mut around: Around<'_>,
-    ) {
-        self.fit_patch(scan, options, &mut around);
-        self.links = [NO_LINK; LINKS];
-        let Some(fit) = &mut self.fit else {
-            self.nearest = around.nearest_within(FARTHEST_NEIGHBOR * options.spacing);
-            return;
-        };
-        // III-C: the cell.
-        let moments = around.restricted_cell(fit, scan, options);
-        self.nearest = around.scratch.nearest();
-        let Scratch {
-            cell, neighbors, ..
-        } = &*around.scratch;
-        for (link, neighbor) in self.links.iter_mut().zip(cell.neighbors()) {
-            *link = neighbor;
-        }
-        self.is_open = !cell.is_closed();
-        // Exact if everything within the security radius is.
-        let security = cell.security_squared();
-        self.is_exact &= neighbors
-            .iter()
-            .filter(|n| n.distance_squared <= security)
-            .all(|n| was_exact[n.index as usize])
-            && is_known(around.place, security.sqrt(), cone, scan.lattice());
-        // IV-B, IV-D, IV-E: the centroid, on the patch, near the scan.
-        if let Some(moments) = moments
-            && fit.is_trusted()
-        {
-            let centroid = fit.patch.foot_point(moments.centroid);
-            // The less sure the surface, the shorter the step.
-            let step = (centroid - around.place) * fit.trust;
-            let target = around.keeping_clear(around.place + step);
-            if is_allowed(scan, fit, target, options) {
-                self.target = target;
-                self.free = around.free();
-            }
-        }
-    }
-}
-
-/// Which sites can still reach the core: all at first, fewer with every
-/// iteration.
-struct Cone<'a> {
-    domain: &'a Domain,
-    iterations: u32,
-    reach: f64,
-    seed_margin: i64,
-}
-
-impl<'a> Cone<'a> {
-    fn new(domain: &'a Domain, options: &Options, lattice: &Lattice) -> Self {
-        Self {
-            domain,
-            iterations: options.iterations,
-            // Half as much again as influence is taken to travel: what is
-            // exact must not be lost to the cone.
-            reach: 1.6 * options.reach_of_an_iteration() / lattice.scale,
-            seed_margin: lattice.units(options.seed_margin()),
-        }
-    }
-
-    fn matters(&self, identity: Stored, iteration: u32) -> bool {
-        let rings = f64::from(self.iterations - iteration + 2);
-        let away = -self.domain.core.depth(identity) - self.domain.band;
-        away as f64 <= rings * self.reach
-    }
-}
-
-/// Whether all seeds within `radius` of `place` are known to be right.
-fn is_known(place: Local, radius: f64, cone: &Cone<'_>, lattice: &Lattice) -> bool {
-    lattice.stored(place).is_some_and(|stored| {
-        cone.domain.known.depth(stored) >= cone.seed_margin + lattice.units(radius)
-    })
-}
-
 fn final_sums(domain: &Domain, sites: &[Site]) -> DistanceSums {
-    let mut sums = DistanceSums::default();
-    for site in sites {
-        if site.nearest.is_finite() && domain.core.contains(site.identity) {
-            sums.push(site.nearest);
-        }
-    }
-    sums
+    let counts = |site: &&Site| site.nearest.is_finite() && domain.core.contains(site.identity);
+    DistanceSums::of(sites.iter().filter(counts).map(|site| site.nearest))
 }

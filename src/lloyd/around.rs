@@ -1,0 +1,304 @@
+//! What is around a site: its neighbours, and the cell that they leave it.
+
+use std::ops::Range;
+
+use super::{
+    Options, Restriction, Scan, SeedRule,
+    acceleration::{LINKS, linked},
+    fit::{DOMAIN_RADIUS, Fit, Samples},
+    neighborhoods::{NEAR, Neighborhoods, bounds, sort},
+};
+use crate::geometry::{Cell, DOMAIN_SIDES, Local, Moments, Neighbor, Patch};
+
+/// No step brings two sites nearer than this, in spacings, or nearer than they
+/// are. On one surface cells see to it; two sides of a leaf do not know of each
+/// other, and have one patch.
+const CLEARANCE: f64 = 0.7;
+
+/// The clearance (CRS units) that holds for the sites of `options`. Seeds that
+/// were not elected start in clumps, which it would keep from spreading.
+pub(super) fn clearance(options: &Options) -> f64 {
+    match options.seeds {
+        SeedRule::Hexagonal | SeedRule::Poisson => CLEARANCE * options.spacing,
+        SeedRule::Area | SeedRule::Random => 0.0,
+    }
+}
+
+/// A patch is nearly flat if over the longest edge of a cell it leaves its chord by
+/// no more than a quarter of this, in spacings.
+const NEARLY_FLAT: f64 = 0.1;
+
+/// Farthest that is looked for neighbours that could cut a cell, in spacings: the corners of
+/// a domain that bends more lie on no surface.
+const FAR: f64 = 2.5 * DOMAIN_RADIUS;
+
+/// What a thread reuses from site to site.
+pub(super) struct Scratch {
+    pub(super) cell: Cell,
+    /// The neighbours of a site.
+    pub(super) neighbors: Vec<Neighbor>,
+    /// Those that its cell had edges with.
+    ring: Vec<Neighbor>,
+    /// Those that are in the way of its step.
+    in_the_way: Vec<Neighbor>,
+    pub(super) samples: Samples,
+    /// Whether the samples are those around the block.
+    has_samples: bool,
+    /// Strays around the block.
+    strays: Vec<u32>,
+}
+
+impl Scratch {
+    pub(super) fn new() -> Self {
+        Self {
+            cell: Cell::new(),
+            neighbors: Vec::new(),
+            ring: Vec::new(),
+            in_the_way: Vec::new(),
+            samples: Samples::default(),
+            has_samples: false,
+            strays: Vec::new(),
+        }
+    }
+
+    /// Makes ready for the sites of `block`.
+    pub(super) fn begin(&mut self, neighborhoods: &Neighborhoods, block: &Range<usize>) {
+        self.has_samples = false;
+        let radius = NEAR * neighborhoods.spacing();
+        neighborhoods.strays_around(block, radius, &mut self.strays);
+    }
+
+    /// Distance to the nearest neighbour.
+    pub(super) fn nearest(&self) -> Option<f64> {
+        let squared = self.neighbors.iter().map(|n| n.distance_squared);
+        squared.min_by(f64::total_cmp).map(f64::sqrt)
+    }
+}
+
+/// A site and what is around it.
+pub(super) struct Around<'a> {
+    pub(super) site: usize,
+    pub(super) place: Local,
+    pub(super) spacing: f64,
+    /// No step brings two sites nearer than this (CRS units).
+    pub(super) clearance: f64,
+    pub(super) neighborhoods: &'a Neighborhoods,
+    /// The sites of its block.
+    pub(super) block: Range<usize>,
+    /// Those that its cell had edges with last, counter-clockwise.
+    pub(super) links: [u32; LINKS],
+    /// Whether they did not bound it all around.
+    pub(super) was_open: bool,
+    pub(super) scratch: &'a mut Scratch,
+}
+
+impl Around<'_> {
+    /// Looks up the samples around the whole block, for all its patches to come.
+    pub(super) fn look_for_samples(&mut self, scan: &Scan, options: &Options) {
+        if !self.scratch.has_samples {
+            let places = &self.neighborhoods.places()[self.block.clone()];
+            let [low, high] = bounds(places.iter().copied());
+            self.scratch.samples.look(scan, low, high, options);
+            self.scratch.has_samples = true;
+        }
+    }
+
+    /// III-B: the patch of the site.
+    pub(super) fn fit(&mut self, scan: &Scan, options: &Options) -> Option<Fit> {
+        let Scratch {
+            samples,
+            has_samples,
+            ..
+        } = &mut *self.scratch;
+        if !*has_samples {
+            samples.look(scan, self.place, self.place, options);
+        }
+        samples.fit(self.place, options)
+    }
+
+    /// Clips the cell of the site on the patch of `fit`, looking as far as it
+    /// takes; its moments, if anything is left of it. A cell that neighbours do
+    /// not bound all around ends where the scan does, if sites are to keep to it.
+    pub(super) fn restricted_cell(
+        &mut self,
+        fit: &mut Fit,
+        scan: &Scan,
+        options: &Options,
+    ) -> Option<Moments> {
+        self.look_near();
+        if self.was_open || !self.closed_cell(&fit.patch) {
+            self.clipped_cell(&fit.patch);
+            if !self.scratch.cell.is_closed() && options.restriction == Restriction::Local {
+                self.keep_to_the_scan(fit, scan, options);
+            }
+        }
+        self.scratch.cell.moments(&fit.patch, self.place)
+    }
+
+    /// The cell, if near neighbours bound it all around, as they did before; whether
+    /// they do.
+    fn closed_cell(&mut self, patch: &Patch) -> bool {
+        let Scratch {
+            cell,
+            ring,
+            neighbors,
+            ..
+        } = &mut *self.scratch;
+        let radius = 0.5 * NEAR * self.spacing;
+        ring.clear();
+        ring.extend(linked(&self.links).map(|link| self.neighborhoods.neighbor(self.site, link)));
+        if cell.close(patch, self.place, radius, ring, neighbors) {
+            return true;
+        }
+        // Long edges of a bent patch would be cut twice, and missed.
+        if patch.most_bend(2.0 * radius) > NEARLY_FLAT * self.spacing {
+            return false;
+        }
+        sort(neighbors);
+        cell.clip_within(patch, self.place, radius, neighbors)
+    }
+
+    /// The cell, whatever bounds it.
+    fn clipped_cell(&mut self, patch: &Patch) {
+        let domain = [DOMAIN_RADIUS * self.spacing; DOMAIN_SIDES];
+        let Scratch {
+            cell, neighbors, ..
+        } = &mut *self.scratch;
+        sort(neighbors);
+        cell.clip(patch, self.place, &domain, neighbors);
+        let near = (NEAR * self.spacing).powi(2);
+        if cell.security_squared() > near {
+            let looked_at = neighbors.len();
+            self.look_far();
+            let Scratch {
+                cell, neighbors, ..
+            } = &mut *self.scratch;
+            sort(&mut neighbors[looked_at..]);
+            cell.clip_on(patch, self.place, &neighbors[looked_at..]);
+        }
+    }
+
+    /// What of the cell the scan reaches.
+    fn keep_to_the_scan(&mut self, fit: &mut Fit, scan: &Scan, options: &Options) {
+        let scanned = fit.scanned(self.place, scan, options, &mut self.scratch.samples);
+        let Scratch {
+            cell, neighbors, ..
+        } = &mut *self.scratch;
+        cell.clip(&fit.patch, self.place, &scanned, neighbors);
+    }
+
+    /// All others within [`NEAR`].
+    pub(super) fn look_near(&mut self) {
+        let Scratch {
+            strays, neighbors, ..
+        } = &mut *self.scratch;
+        if !self.neighborhoods.near(self.site, strays, neighbors) {
+            let radius = NEAR * self.spacing;
+            neighbors.clear();
+            self.neighborhoods
+                .around(self.site, radius, |_| true, neighbors);
+        }
+    }
+
+    /// Those farther than that which could cut the cell as it is, after the others.
+    fn look_far(&mut self) {
+        let Scratch {
+            cell, neighbors, ..
+        } = &mut *self.scratch;
+        let near = (NEAR * self.spacing).powi(2);
+        let radius = cell.security_squared().sqrt().min(FAR * self.spacing);
+        self.neighborhoods
+            .around(self.site, radius, |squared| squared > near, neighbors);
+    }
+
+    /// How far the site has gone with the last move, or any other within the square root
+    /// of `attention` (CRS units squared) if that went farther, in spacings; and whether
+    /// all those were exact. `None` of a site that is far from where it was looked up.
+    pub(super) fn farthest_move(&self, attention: f64, was_exact: &[bool]) -> Option<(f64, bool)> {
+        let neighborhoods = self.neighborhoods;
+        let mut farthest = neighborhoods.length_of_move(self.site);
+        let mut is_exact = true;
+        for other in neighborhoods.listed(self.site, &self.scratch.strays)? {
+            let other = other as usize;
+            let length = neighborhoods.length_of_move(other);
+            // Where the others are is asked of few.
+            if (length > farthest || is_exact && !was_exact[other])
+                && (neighborhoods.places()[other] - self.place).norm_squared() <= attention
+            {
+                farthest = farthest.max(length);
+                is_exact &= was_exact[other];
+            }
+        }
+        Some((farthest.into(), is_exact))
+    }
+
+    /// As near to `target` as the site can go and keep clear of every neighbour's
+    /// bisector by half the clearance. If all sites do, none come nearer to each
+    /// other than it.
+    pub(super) fn keeping_clear(&mut self, target: Local) -> Local {
+        let mut step = target - self.place;
+        // Farther neighbours than are known here must not come near either.
+        let longest = 0.5 * (NEAR * self.spacing - self.clearance);
+        if step.norm_squared() > longest * longest {
+            step *= longest / step.norm();
+        }
+        // Most neighbours are too far to be in the way.
+        let reach = self.clearance + (2.0 + 1e-9) * step.norm();
+        let is_in_the_way = |neighbor: &&Neighbor| {
+            neighbor.distance_squared <= reach * reach && neighbor.distance_squared > 0.0
+        };
+        let Scratch {
+            neighbors,
+            in_the_way,
+            ..
+        } = &mut *self.scratch;
+        in_the_way.clear();
+        in_the_way.extend(neighbors.iter().filter(is_in_the_way));
+        sort(in_the_way);
+        // What leads too near to one is taken off the step, not the step off the
+        // site; where two are in the way it is shortened.
+        let neighbors = || {
+            self.scratch.in_the_way.iter().map(|neighbor| {
+                let distance = neighbor.distance_squared.sqrt();
+                let towards = (neighbor.position - self.place) / distance;
+                (towards, self.room(distance))
+            })
+        };
+        for (towards, room) in neighbors() {
+            step -= towards * (step.dot(&towards) - room).max(0.0);
+        }
+        let mut share = 1.0_f64;
+        for (towards, room) in neighbors() {
+            let along = step.dot(&towards);
+            if along > room + 1e-9 * self.spacing {
+                share = share.min(room / along);
+            }
+        }
+        self.place + step * share
+    }
+
+    /// How far the site may go in any direction and keep clear.
+    pub(super) fn free(&self) -> f64 {
+        self.scratch
+            .nearest()
+            .map_or(0.0, |nearest| self.room(nearest))
+    }
+
+    /// How far the site may go towards one at `distance`.
+    pub(super) fn room(&self, distance: f64) -> f64 {
+        0.5 * (distance - self.clearance).max(0.0)
+    }
+
+    /// Distance to the nearest other site, if one lies within `radius`.
+    pub(super) fn nearest_within(&mut self, radius: f64) -> Option<f64> {
+        if self.scratch.neighbors.is_empty() {
+            self.look_near();
+        }
+        if self.scratch.neighbors.is_empty() {
+            let neighbors = &mut self.scratch.neighbors;
+            self.neighborhoods
+                .around(self.site, radius, |_| true, neighbors);
+        }
+        self.scratch.nearest()
+    }
+}
