@@ -1,4 +1,5 @@
-//! What a tile costs: the scan sorted and sampled, and one Lloyd iteration.
+//! What a tile costs: the scan sorted and sampled, a Lloyd iteration, and what they are made
+//! of; and the solver alone on a street.
 
 use std::hint::black_box;
 
@@ -6,6 +7,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use lloydar::{
     geometry::{Cell, DOMAIN_SIDES, Lattice, Local, Neighbor, Patch, PatchKind, Stored},
     lloyd::{Domain, Options, Scan, solve},
+    simulate::{Street, StreetOptions},
 };
 
 const LATTICE: Lattice = Lattice {
@@ -58,6 +60,56 @@ fn benches(criterion: &mut Criterion) {
         b.iter(|| black_box(Patch::fit(near[0], &near, 0.03, PatchKind::Quadratic)));
     });
     cells(criterion);
+    street(criterion);
+}
+
+/// The solver alone, at twenty points to the seed: what twenty iterations take longer than
+/// none is what the iterations take.
+fn street(criterion: &mut Criterion) {
+    let street = Street::new(StreetOptions {
+        points: 1_000_000,
+        length: 60.0,
+        ..StreetOptions::default()
+    });
+    let places: Vec<[f64; 3]> = (0..street.options().passes)
+        .flat_map(|pass| (0..street.slices(pass)).map(move |slice| (pass, slice)))
+        .flat_map(|(pass, slice)| street.slice(pass, slice))
+        .map(|point| point.position)
+        .collect();
+    let bound = |pick: fn(f64, f64) -> f64, from: f64| {
+        [0, 1, 2].map(|axis| {
+            places
+                .iter()
+                .fold(from, |bound, place| pick(bound, place[axis]))
+        })
+    };
+    let lattice = Lattice::around(bound(f64::min, f64::MAX), bound(f64::max, f64::MIN), 0.0005);
+    let stored = places.iter().filter_map(|&place| lattice.quantise(place));
+    let options = Options::new(0.2287);
+    let scan = Scan::new(stored.collect(), lattice, &options);
+    let seeds = solve(
+        &scan,
+        &Domain::everything(),
+        &Options {
+            iterations: 0,
+            ..options
+        },
+    )
+    .sites;
+
+    let mut group = criterion.benchmark_group("street, 20 points to the seed");
+    group.sample_size(10);
+    group.throughput(Throughput::Elements(20 * seeds.len() as u64));
+    for iterations in [0, 20] {
+        let options = Options {
+            iterations,
+            ..options
+        };
+        group.bench_function(format!("{iterations} iterations"), |b| {
+            b.iter(|| black_box(solve(&scan, &Domain::everything(), &options)));
+        });
+    }
+    group.finish();
 }
 
 /// One cell on a bent patch: from its domain, from a square, and where it was.

@@ -151,11 +151,19 @@ impl Around<'_> {
             return true;
         }
         // Long edges of a bent patch would be cut twice, and missed.
-        if patch.most_bend(2.0 * radius) > NEARLY_FLAT * self.spacing {
+        if !self.is_nearly_flat(patch) {
             return false;
         }
+        let Scratch {
+            cell, neighbors, ..
+        } = &mut *self.scratch;
         sort(neighbors);
         cell.clip_within(patch, self.place, radius, neighbors)
+    }
+
+    /// Whether the longest edge of a cell on `patch` hardly leaves its chord.
+    pub(super) fn is_nearly_flat(&self, patch: &Patch) -> bool {
+        patch.most_bend(NEAR * self.spacing) <= NEARLY_FLAT * self.spacing
     }
 
     /// The cell, whatever bounds it.

@@ -67,8 +67,8 @@ const PER_VOXEL: f64 = 2.0 * 61.0;
 const VOXELS_PER_SEED: f64 = 12.0;
 /// Places of the filling to a seed where the scan is coarser than the output.
 const FILLING_PER_SEED: f64 = 4.0;
-/// Memory for each seed of a tile: states, steps, cells, histories.
-const PER_SEED: f64 = 850.0;
+/// Memory for each seed of a tile: states, steps, answers to moves, histories.
+const PER_SEED: f64 = 1100.0;
 /// The allocator does not give everything back at once. The costs above are what was measured
 /// on five scans by the program, which sees to it that most is; a fifth was to spare.
 const USABLE: f64 = 0.9;
