@@ -221,12 +221,12 @@ impl Around<'_> {
 
     /// How far the site has gone with the last move, or any other within the square root
     /// of `attention` (CRS units squared) if that went farther, in spacings; and whether
-    /// all those were exact. `None` of a site that is far from where it was looked up.
-    pub(super) fn farthest_move(&self, attention: f64, was_exact: &[bool]) -> Option<(f64, bool)> {
+    /// all those were exact.
+    pub(super) fn farthest_move(&mut self, attention: f64, was_exact: &[bool]) -> (f64, bool) {
         let neighborhoods = self.neighborhoods;
         let mut farthest = neighborhoods.length_of_move(self.site);
         let mut is_exact = true;
-        for other in neighborhoods.listed(self.site, &self.scratch.strays)? {
+        let mut hear = |other: u32| {
             let other = other as usize;
             let length = neighborhoods.length_of_move(other);
             // Where the others are is asked of few.
@@ -236,8 +236,17 @@ impl Around<'_> {
                 farthest = farthest.max(length);
                 is_exact &= was_exact[other];
             }
+        };
+        match neighborhoods.listed(self.site, &self.scratch.strays) {
+            Some(listed) => listed.for_each(hear),
+            None => {
+                let neighbors = &mut self.scratch.neighbors;
+                neighbors.clear();
+                neighborhoods.around(self.site, attention.sqrt(), |_| true, neighbors);
+                neighbors.drain(..).for_each(|other| hear(other.index));
+            }
         }
-        Some((farthest.into(), is_exact))
+        (farthest.into(), is_exact)
     }
 
     /// As near to `target` as the site can go and keep clear of every neighbour's

@@ -128,9 +128,7 @@ impl Step {
             return false;
         };
         let place = around.place;
-        let Some((farthest, is_exact)) = around.farthest_move(clipped.attention, was_exact) else {
-            return false;
-        };
+        let (farthest, is_exact) = around.farthest_move(clipped.attention, was_exact);
         clipped.drift += farthest;
         if clipped.drift > MOST_DRIFT || !fit.serves(place, options.spacing) {
             return false;
@@ -194,15 +192,16 @@ impl Step {
             *link = neighbor;
         }
         self.is_open = !cell.is_closed();
-        // Exact if everything within the security radius is.
+        // Exact if everything within the security radius is, wherever the cell is followed to.
         let security = cell.security_squared();
+        let known = security.sqrt() + MOST_DRIFT * options.spacing;
         self.is_exact &= around
             .scratch
             .neighbors
             .iter()
             .filter(|n| n.distance_squared <= security)
             .all(|n| was_exact[n.index as usize])
-            && cone.knows(place, security.sqrt(), scan.lattice());
+            && cone.knows(place, known, scan.lattice());
         let Some(moments) = moments else {
             return;
         };
