@@ -40,8 +40,10 @@ const MAX_CORNERS: usize = 40;
 /// Stands for the domain's rim where a neighbour is asked for.
 const RIM: u32 = u32::MAX;
 
-/// Edges of a cell that can be closed at once.
-const MOST_EDGES: usize = 10;
+/// Edges of a cell that are remembered, closed at once and followed; it has six, rarely more
+/// than nine.
+pub const MOST_EDGES: usize = 10;
+
 #[derive(Clone, Copy, Debug)]
 struct Corner {
     /// In the patch's frame, from the site.
@@ -101,12 +103,6 @@ impl Cell {
         let corners = domain_corners().into_iter().zip(reach);
         self.start(corners.map(|([cos, sin], reach)| lift(&surface, reach * cos, reach * sin)));
         self.cut_by_all(patch, site, &surface, neighbors);
-    }
-
-    /// Clips the cell by `neighbors` that are farther than those that did before, and sorted
-    /// by distance, too.
-    pub fn clip_on(&mut self, patch: &Patch, site: Local, neighbors: &[Neighbor]) {
-        self.cut_by_all(patch, site, &patch.heights_from(site), neighbors);
     }
 
     /// The same for a cell that is bounded by neighbours all around, within
@@ -225,6 +221,12 @@ impl Cell {
             }
         }
         true
+    }
+
+    /// Clips the cell on, by `neighbors` that are farther than those that did before, and
+    /// sorted by distance, too.
+    pub fn clip_on(&mut self, patch: &Patch, site: Local, neighbors: &[Neighbor]) {
+        self.cut_by_all(patch, site, &patch.heights_from(site), neighbors);
     }
 
     fn start(&mut self, corners: impl Iterator<Item = Local>) {
@@ -448,7 +450,7 @@ pub fn domain_corners() -> [[f64; 2]; DOMAIN_SIDES] {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::geometry::PatchKind;
 
@@ -459,7 +461,8 @@ mod tests {
         Patch::fit(Local::zeros(), &grid, 2.0, PatchKind::Quadratic).unwrap()
     }
 
-    fn sorted(site: Local, others: &[Local]) -> Vec<Neighbor> {
+    /// `others` by their distance from `site`, each with its place among them.
+    pub(in crate::geometry) fn sorted(site: Local, others: &[Local]) -> Vec<Neighbor> {
         let mut neighbors: Vec<Neighbor> = (0..)
             .zip(others)
             .map(|(index, &position)| Neighbor {
@@ -510,7 +513,7 @@ mod tests {
     }
 
     /// A paraboloid of `curvature` about the z axis.
-    fn bent(curvature: f64) -> Patch {
+    pub(in crate::geometry) fn bent(curvature: f64) -> Patch {
         let place = |i: i32, j: i32| {
             let (x, y) = (0.3 * f64::from(i), 0.3 * f64::from(j));
             Local::new(x, y, 0.5 * curvature * (x * x + y * y))

@@ -9,7 +9,7 @@ mod patch;
 mod response;
 
 pub use bisector::Neighbor;
-pub use cell::{Cell, DOMAIN_SIDES, Moments, Reach, domain_corners};
+pub use cell::{Cell, DOMAIN_SIDES, MOST_EDGES, Moments, Reach, domain_corners};
 pub use coordinates::{Lattice, Local, Rect, Stored};
 pub use neighbors::NeighborGrid;
 pub use occupied::{CellIndex, OccupiedCells, cell_of};

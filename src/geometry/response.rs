@@ -11,20 +11,17 @@
 //! over the edges. The integrand is of degree two, so edge by edge the integral is known:
 //! with middle m and way w, |w| ((m − C) ⊗ m + w ⊗ w / 12) before dx.
 
-use super::{Cell, Local, Moments, Patch};
+use super::{Cell, Local, MOST_EDGES, Moments, Patch};
 
 /// A linear map of moves in the plane of a patch: [uu, uv, vu, vv].
 type Linear = [f32; 4];
-
-/// Edges whose answers are kept.
-const MOST_ANSWERS: usize = 10;
 
 /// How the centroid of a cell answers to moves of its site, and of the neighbours that
 /// it has edges with.
 #[derive(Clone, Debug)]
 pub struct Response {
     own: Linear,
-    neighbors: [Linear; MOST_ANSWERS],
+    neighbors: [Linear; MOST_EDGES],
 }
 
 impl Response {
@@ -40,7 +37,7 @@ impl Response {
         let plane = |way: Local| [patch.axes[0].dot(&way), patch.axes[1].dot(&way)];
         let centroid = plane(moments.centroid - site);
         let mut own = [0.0; 4];
-        let mut neighbors = [[0.0; 4]; MOST_ANSWERS];
+        let mut neighbors = [[0.0; 4]; MOST_EDGES];
         for ((edge, from, to), kept) in cell.edges().zip(&mut neighbors) {
             let n = plane(place(edge) - site);
             let way = [to.x - from.x, to.y - from.y];
@@ -84,32 +81,17 @@ impl Response {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{DOMAIN_SIDES, Neighbor, PatchKind, spread};
+    use crate::geometry::{
+        DOMAIN_SIDES,
+        cell::tests::{bent, sorted},
+        spread,
+    };
 
-    fn patch(curvature: f64) -> Patch {
-        let place = |i: i32, j: i32| {
-            let (x, y) = (0.3 * f64::from(i), 0.3 * f64::from(j));
-            Local::new(x, y, 0.5 * curvature * (x * x + y * y))
-        };
-        let grid: Vec<Local> = (-5..=5)
-            .flat_map(|i| (-5..=5).map(move |j| place(i, j)))
-            .collect();
-        Patch::fit(Local::zeros(), &grid, 2.0, PatchKind::Quadratic).unwrap()
-    }
-
-    /// The cell of the first of `sites`, and its moments.
+    /// The cell of the first of `sites` among the others, and its moments.
     fn clipped(patch: &Patch, sites: &[Local]) -> (Cell, Moments) {
         let site = sites[0];
-        let mut neighbors: Vec<Neighbor> = (1..)
-            .zip(&sites[1..])
-            .map(|(index, &position)| Neighbor {
-                distance_squared: (position - site).norm_squared(),
-                index,
-                position,
-            })
-            .collect();
-        neighbors.sort_by(|a, b| a.distance_squared.total_cmp(&b.distance_squared));
         let mut cell = Cell::new();
+        let neighbors = sorted(site, &sites[1..]);
         cell.clip(patch, site, &[1.2; DOMAIN_SIDES], &neighbors);
         let moments = cell.moments(patch, site).unwrap();
         (cell, moments)
@@ -120,8 +102,8 @@ mod tests {
     #[test]
     fn a_centroid_answers_to_small_moves_as_if_its_cell_were_clipped_anew() {
         let (mut largest, mut wrong) = (0.0_f64, 0);
-        for (curvature, bend) in [(0.0, 0.0), (0.2, 0.04)] {
-            let patch = patch(curvature);
+        for (curvature, tolerance) in [(0.0, 0.0), (0.2, 0.04)] {
+            let patch = bent(curvature);
             for seed in 0..60_u64 {
                 let roll = |k: u64| spread(1000 * seed + k) as f64 / u64::MAX as f64 - 0.5;
                 // A lattice of hexagons, uneven.
@@ -136,7 +118,7 @@ mod tests {
                     .collect();
                 sites.swap(0, 12);
                 let (cell, moments) = clipped(&patch, &sites);
-                let place = |neighbor: u32| sites[neighbor as usize];
+                let place = |neighbor: u32| sites[1 + neighbor as usize];
                 let response = Response::new(&cell, &moments, &patch, sites[0], place);
                 for size in [0.01, 0.04] {
                     let moves: Vec<Local> = (0..sites.len() as u64)
@@ -148,12 +130,14 @@ mod tests {
                         .map(|(&site, way)| patch.foot_point(site + way))
                         .collect();
                     let (_, anew) = clipped(&patch, &moved);
-                    let others = cell.neighbors().map(|neighbor| moves[neighbor as usize]);
+                    let others = cell
+                        .neighbors()
+                        .map(|neighbor| moves[1 + neighbor as usize]);
                     let followed = moments.centroid + response.of(&patch, moves[0], others);
                     let way = anew.centroid - moments.centroid;
                     let error = anew.centroid - followed;
                     let [way, error] = [way, error].map(|v| v.x.hypot(v.y));
-                    let is_right = error <= 2.0 * size * size + bend * size;
+                    let is_right = error <= 2.0 * size * size + tolerance * size;
                     assert!(is_right || curvature > 0.0, "{error} of {way}, seed {seed}");
                     wrong += u32::from(!is_right);
                     largest = largest.max(way / size);

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{anderson::Anderson, relaxation::Relaxation, step::Step};
-use crate::geometry::{Local, Stored};
+use crate::geometry::{Local, MOST_EDGES, Stored};
 
 /// How an iteration goes from the centroids to the next sites.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -21,8 +21,8 @@ pub enum Acceleration {
     AndersonGlobal,
 }
 
-/// Neighbours remembered for a site; a cell has six, rarely more than nine.
-pub(super) const LINKS: usize = 10;
+/// Neighbours remembered for a site.
+pub(super) const LINKS: usize = MOST_EDGES;
 
 /// Stands for no neighbour.
 pub(super) const NO_LINK: u32 = u32::MAX;

@@ -28,6 +28,11 @@ pub(super) fn clearance(options: &Options) -> f64 {
 /// no more than a quarter of this, in spacings.
 const NEARLY_FLAT: f64 = 0.1;
 
+/// Whether the longest edge of a cell on `patch` hardly leaves its chord.
+pub(super) fn is_nearly_flat(patch: &Patch, spacing: f64) -> bool {
+    patch.most_bend(NEAR * spacing) <= NEARLY_FLAT * spacing
+}
+
 /// Farthest that is looked for neighbours that could cut a cell, in spacings: the corners of
 /// a domain that bends more lie on no surface.
 const FAR: f64 = 2.5 * DOMAIN_RADIUS;
@@ -151,19 +156,11 @@ impl Around<'_> {
             return true;
         }
         // Long edges of a bent patch would be cut twice, and missed.
-        if !self.is_nearly_flat(patch) {
+        if !is_nearly_flat(patch, self.spacing) {
             return false;
         }
-        let Scratch {
-            cell, neighbors, ..
-        } = &mut *self.scratch;
         sort(neighbors);
         cell.clip_within(patch, self.place, radius, neighbors)
-    }
-
-    /// Whether the longest edge of a cell on `patch` hardly leaves its chord.
-    pub(super) fn is_nearly_flat(&self, patch: &Patch) -> bool {
-        patch.most_bend(NEAR * self.spacing) <= NEARLY_FLAT * self.spacing
     }
 
     /// The cell, whatever bounds it.
@@ -175,12 +172,13 @@ impl Around<'_> {
         sort(neighbors);
         cell.clip(patch, self.place, &domain, neighbors);
         let near = (NEAR * self.spacing).powi(2);
-        if cell.security_squared() > near {
+        let security = cell.security_squared();
+        if security > near {
+            // Those farther than that which could cut the cell as it is.
+            let radius = security.sqrt().min(FAR * self.spacing);
             let looked_at = neighbors.len();
-            self.look_far();
-            let Scratch {
-                cell, neighbors, ..
-            } = &mut *self.scratch;
+            self.neighborhoods
+                .around(self.site, radius, |squared| squared > near, neighbors);
             sort(&mut neighbors[looked_at..]);
             cell.clip_on(patch, self.place, &neighbors[looked_at..]);
         }
@@ -206,17 +204,6 @@ impl Around<'_> {
             self.neighborhoods
                 .around(self.site, radius, |_| true, neighbors);
         }
-    }
-
-    /// Those farther than that which could cut the cell as it is, after the others.
-    fn look_far(&mut self) {
-        let Scratch {
-            cell, neighbors, ..
-        } = &mut *self.scratch;
-        let near = (NEAR * self.spacing).powi(2);
-        let radius = cell.security_squared().sqrt().min(FAR * self.spacing);
-        self.neighborhoods
-            .around(self.site, radius, |squared| squared > near, neighbors);
     }
 
     /// How far the site has gone with the last move, or any other within the square root

@@ -80,15 +80,16 @@ pub(super) fn for_count(
             "all points of the scan are equal: there is no spacing between them".into(),
         ));
     }
-    let guess = (plane_seeds(spill, lattice, 1.0) / count as f64).sqrt();
-    let guess = guess.clamp(4.0 * lattice.scale, extent);
+    let guess = (plane_seeds(spill, lattice, 1.0) / count as f64)
+        .sqrt()
+        .clamp(4.0 * lattice.scale, extent);
 
     let seeds_per_point = count as f64 / spill.points() as f64;
     let options = settings.solver(guess, seeds_per_point);
     let sample = Sample::of(spill, lattice, &options, VOXEL_POINTS)?;
     let in_voxels = SEEDS_PER_VOXEL * sample.voxels() * sample.weight;
-    let mut spacing = guess * (in_voxels / count as f64).sqrt();
-    spacing = spacing.clamp(lattice.scale, 2.0 * extent);
+    let by_voxels = guess * (in_voxels / count as f64).sqrt();
+    let mut spacing = by_voxels.clamp(lattice.scale, 2.0 * extent);
     let mut tried: Vec<(f64, f64)> = Vec::new();
     let mut slope = PLANE;
     // Few parts are all asked anyway.
