@@ -97,7 +97,7 @@ fn mean_nearest(cloud: &Cloud) -> f64 {
     let extent = extent(cloud);
     let options = Options::new(extent / 500.0);
     let scan = Scan::as_scanned(cloud.points.clone(), cloud.lattice, &options);
-    let distances: Vec<f64> = scan.sampled_distances(spread, extent, |_| true).collect();
+    let distances = scan.sampled_distances(spread, extent, |_| true);
     distances.iter().sum::<f64>() / distances.len() as f64
 }
 

@@ -107,7 +107,7 @@ impl OccupiedCells {
                 (packing.cell(cell_of(point)) as u64) << place_bits | u64::from(place)
             };
             let mut words: Vec<u64> = points.par_iter().zip(0..count).map(word).collect();
-            words.par_sort_unstable();
+            sort_words(&mut words);
             let cells = words.iter().map(|word| u128::from(word >> place_bits));
             occupied.group(cells, &packing);
             let mask = (1 << place_bits) - 1;
@@ -263,6 +263,20 @@ impl OccupiedCells {
     }
 }
 
+/// Words that one thread sorts.
+const ALONE: usize = 1 << 17;
+
+/// Sorts `words` with all threads, in half the processor time that the parallel sort of
+/// rayon takes: the standard library's is so much faster.
+fn sort_words(words: &mut [u64]) {
+    if words.len() <= ALONE {
+        words.sort_unstable();
+        return;
+    }
+    let (low, _, high) = words.select_nth_unstable(words.len() / 2);
+    rayon::join(|| sort_words(low), || sort_words(high));
+}
+
 /// Cells of a box of bricks as integers that sort by brick (z, y, x), then by the place
 /// in the brick.
 struct Packing {
@@ -391,6 +405,16 @@ mod tests {
             assert!(range.any(|place| order[place] as usize == i));
         }
         assert!(occupied.range([100, 0, 0]).is_empty());
+    }
+
+    #[test]
+    fn words_are_sorted_by_parts_as_at_once() {
+        let words = || (0..5 * ALONE as u64).map(|k| spread(k) % 100_003);
+        let mut sorted: Vec<u64> = words().collect();
+        sort_words(&mut sorted);
+        let mut truth: Vec<u64> = words().collect();
+        truth.sort();
+        assert_eq!(sorted, truth);
     }
 
     /// As a stray return, or damage, scatters them: too far apart for one word.

@@ -6,7 +6,7 @@ use super::{
     Options, Restriction, Scan, SeedRule,
     acceleration::{LINKS, linked},
     fit::{DOMAIN_RADIUS, Fit, Samples},
-    neighborhoods::{NEAR, Neighborhoods, bounds, sort},
+    neighborhoods::{NEAR, Neighborhoods, bounds, neighbor, sort},
 };
 use crate::geometry::{Cell, DOMAIN_SIDES, Local, Moments, Neighbor, Patch};
 
@@ -51,6 +51,9 @@ pub(super) struct Scratch {
     has_samples: bool,
     /// Strays around the block.
     strays: Vec<u32>,
+    /// All sites around it, as far as they were looked for (CRS units).
+    sites: Vec<(u32, Local)>,
+    reach: f64,
 }
 
 impl Scratch {
@@ -63,12 +66,15 @@ impl Scratch {
             samples: Samples::default(),
             has_samples: false,
             strays: Vec::new(),
+            sites: Vec::new(),
+            reach: 0.0,
         }
     }
 
     /// Makes ready for the sites of `block`.
     pub(super) fn begin(&mut self, neighborhoods: &Neighborhoods, block: &Range<usize>) {
         self.has_samples = false;
+        self.reach = 0.0;
         let radius = NEAR * neighborhoods.spacing();
         neighborhoods.strays_around(block, radius, &mut self.strays);
     }
@@ -177,10 +183,13 @@ impl Around<'_> {
             // Those farther than that which could cut the cell as it is.
             let radius = security.sqrt().min(FAR * self.spacing);
             let looked_at = neighbors.len();
-            self.neighborhoods
-                .around(self.site, radius, |squared| squared > near, neighbors);
-            sort(&mut neighbors[looked_at..]);
-            cell.clip_on(patch, self.place, &neighbors[looked_at..]);
+            self.look_around(radius, |squared| squared > near);
+            let Scratch {
+                cell, neighbors, ..
+            } = &mut *self.scratch;
+            let far = &mut neighbors[looked_at..];
+            sort(far);
+            cell.clip_on(patch, self.place, far);
         }
     }
 
@@ -199,18 +208,40 @@ impl Around<'_> {
             strays, neighbors, ..
         } = &mut *self.scratch;
         if !self.neighborhoods.near(self.site, strays, neighbors) {
-            let radius = NEAR * self.spacing;
             neighbors.clear();
-            self.neighborhoods
-                .around(self.site, radius, |_| true, neighbors);
+            self.look_around(NEAR * self.spacing, |_| true);
         }
+    }
+
+    /// Adds to the neighbours all others within `radius` (CRS units) whose squared distance is
+    /// `wanted`.
+    fn look_around(&mut self, radius: f64, wanted: impl Fn(f64) -> bool) {
+        let Scratch {
+            neighbors,
+            sites,
+            reach,
+            ..
+        } = &mut *self.scratch;
+        if radius > *reach {
+            // Others of the block will ask, too.
+            *reach = radius.max(FAR * self.spacing);
+            self.neighborhoods.all_around(&self.block, *reach, sites);
+        }
+        let others = sites
+            .iter()
+            .filter(|&&(other, _)| other as usize != self.site)
+            .map(|&(other, position)| neighbor(self.place, other, position));
+        neighbors.extend(others.filter(|other| {
+            let squared = other.distance_squared;
+            squared <= radius * radius && wanted(squared)
+        }));
     }
 
     /// How far the site has gone with the last move, or any other within the square root
     /// of `attention` (CRS units squared) if that went farther, in spacings; and whether
     /// all those were exact.
     pub(super) fn farthest_move(&mut self, attention: f64, was_exact: &[bool]) -> (f64, bool) {
-        let neighborhoods = self.neighborhoods;
+        let (neighborhoods, place) = (self.neighborhoods, self.place);
         let mut farthest = neighborhoods.length_of_move(self.site);
         let mut is_exact = true;
         let mut hear = |other: u32| {
@@ -218,20 +249,19 @@ impl Around<'_> {
             let length = neighborhoods.length_of_move(other);
             // Where the others are is asked of few.
             if (length > farthest || is_exact && !was_exact[other])
-                && (neighborhoods.places()[other] - self.place).norm_squared() <= attention
+                && (neighborhoods.places()[other] - place).norm_squared() <= attention
             {
                 farthest = farthest.max(length);
                 is_exact &= was_exact[other];
             }
         };
-        match neighborhoods.listed(self.site, &self.scratch.strays) {
-            Some(listed) => listed.for_each(hear),
-            None => {
-                let neighbors = &mut self.scratch.neighbors;
-                neighbors.clear();
-                neighborhoods.around(self.site, attention.sqrt(), |_| true, neighbors);
-                neighbors.drain(..).for_each(|other| hear(other.index));
-            }
+        if let Some(listed) = neighborhoods.listed(self.site, &self.scratch.strays) {
+            listed.for_each(hear);
+        } else {
+            self.scratch.neighbors.clear();
+            self.look_around(attention.sqrt(), |_| true);
+            let neighbors = self.scratch.neighbors.drain(..);
+            neighbors.for_each(|other| hear(other.index));
         }
         (farthest.into(), is_exact)
     }
@@ -299,9 +329,7 @@ impl Around<'_> {
             self.look_near();
         }
         if self.scratch.neighbors.is_empty() {
-            let neighbors = &mut self.scratch.neighbors;
-            self.neighborhoods
-                .around(self.site, radius, |_| true, neighbors);
+            self.look_around(radius, |_| true);
         }
         self.scratch.nearest()
     }

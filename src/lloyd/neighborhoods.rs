@@ -184,31 +184,27 @@ impl Neighborhoods {
         true
     }
 
-    /// Adds to `neighbors` every other site within `radius` (CRS units) of `site` whose squared
-    /// distance is `wanted`, wherever the sites have gone.
-    pub(super) fn around(
+    /// Fills `found` with every site that can be within `radius` (CRS units) of one of
+    /// `block`, wherever the sites have gone.
+    pub(super) fn all_around(
         &self,
-        site: usize,
+        block: &Range<usize>,
         radius: f64,
-        wanted: impl Fn(f64) -> bool,
-        neighbors: &mut Vec<Neighbor>,
+        found: &mut Vec<(u32, Local)>,
     ) {
-        let mut add = |other: u32| {
-            let neighbor = self.neighbor(site, other);
-            let squared = neighbor.distance_squared;
-            if other as usize != site && squared <= radius * radius && wanted(squared) {
-                neighbors.push(neighbor);
-            }
-        };
-        let place = self.places[site];
-        let reach = radius + 0.5 * SKIN * self.spacing;
-        self.lists.grid.visit_around(place, reach, |other, listed| {
-            if !self.has_strayed(other, listed) {
-                add(other);
+        found.clear();
+        let [low, high] = bounds(self.places[block.clone()].iter().copied());
+        let reach = Local::repeat(radius + 0.5 * SKIN * self.spacing);
+        let grid = &self.lists.grid;
+        grid.visit_box(low - reach, high + reach, |site, listed| {
+            if !self.has_strayed(site, listed) {
+                found.push((site, self.places[site as usize]));
             }
         });
         self.strayed
-            .visit_around(place, radius, |stray, _| add(self.strays[stray as usize]));
+            .visit_box(low - reach, high + reach, |stray, place| {
+                found.push((self.strays[stray as usize], place));
+            });
     }
 
     /// Site `other` as a neighbour of `site`.
@@ -312,7 +308,7 @@ mod tests {
             }
             sites.go(places.clone());
             met_strays += sites.strays.len();
-            let (mut found, mut around) = (Vec::new(), Vec::new());
+            let (mut found, mut around, mut all) = (Vec::new(), Vec::new(), Vec::new());
             for own in 0..places.len() {
                 for radius in [NEAR, 2.5] {
                     let mut truth: Vec<(f64, u32)> = (0..)
@@ -324,8 +320,13 @@ mod tests {
                     let block = own / 10 * 10..own / 10 * 10 + 10;
                     sites.strays_around(&block, radius, &mut around);
                     if radius > NEAR || !sites.near(own, &around, &mut found) {
-                        found.clear();
-                        sites.around(own, radius, |_| true, &mut found);
+                        sites.all_around(&block, radius, &mut all);
+                        let place = places[own];
+                        let others = all.iter().map(|&(k, other)| neighbor(place, k, other));
+                        found = others
+                            .filter(|n| n.distance_squared <= radius * radius)
+                            .filter(|n| n.index as usize != own)
+                            .collect();
                     }
                     sort(&mut found);
                     let found: Vec<(f64, u32)> = found

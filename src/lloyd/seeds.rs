@@ -105,8 +105,8 @@ fn elected(scan: &Scan, options: &Options) -> Vec<Stored> {
     // One point to a voxel says where a surface is. Elsewhere every point counts:
     // what no seed covers there is not covered later.
     let is_on_surface = |point: &Stored| nodes.have(scan.lattice().local(*point));
-    let mut surfaces = scan.representatives();
-    surfaces.retain(is_on_surface);
+    let surfaces = scan.representatives().into_par_iter();
+    let surfaces: Vec<Stored> = surfaces.filter(is_on_surface).collect();
     election.elect_in_order(equal(surfaces.into_iter()));
     let points = scan.points().par_iter().copied();
     let loose: Vec<Stored> = points.filter(|point| !is_on_surface(point)).collect();

@@ -176,8 +176,9 @@ impl Step {
         let place = around.place;
         self.forget(place);
         self.fit_patch(scan, options, &mut around);
-        let Some(fit) = &mut self.fit else {
-            // Of the few that are far from all others how far is asked once.
+        let Some(fit) = self.fit.as_mut().filter(|fit| fit.is_trusted()) else {
+            // It stays, whatever its cell. Of the few that are far from all others how far
+            // is asked once.
             around.look_near();
             let near = around.scratch.nearest().or(self.nearest);
             self.nearest =
@@ -229,9 +230,5 @@ impl Step {
 
 /// From `place` towards `centroid`, on the patch: the less sure the surface, the shorter.
 fn step_towards(centroid: Local, place: Local, fit: &Fit) -> Local {
-    if fit.is_trusted() {
-        (fit.patch.foot_point(centroid) - place) * fit.trust
-    } else {
-        Local::zeros()
-    }
+    (fit.patch.foot_point(centroid) - place) * fit.trust
 }

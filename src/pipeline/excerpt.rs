@@ -1,5 +1,7 @@
 //! A square cut out of scan and output, to be walked around.
 
+use rayon::prelude::*;
+
 use super::{JobError, glimpse::Look};
 use crate::{
     geometry::{NeighborGrid, Rect, Stored},
@@ -172,10 +174,11 @@ impl Look<'_> {
     fn nearest(&self, points: &[Seen]) -> Vec<u8> {
         let places: Vec<_> = points.iter().map(|(p, _)| self.lattice.local(*p)).collect();
         let grid = NeighborGrid::new(&places, self.spacing);
-        let places = (0u32..).zip(&places);
-        places
-            .map(|(index, &place)| {
-                let near = grid.nearest(place, FARTHEST * self.spacing, |other| other == index);
+        (0..places.len())
+            .into_par_iter()
+            .map(|index| {
+                let is_own = |other: u32| other as usize == index;
+                let near = grid.nearest(places[index], FARTHEST * self.spacing, is_own);
                 let squared = near.map_or(f64::INFINITY, |(_, squared)| squared);
                 // `as` saturates.
                 (128.0 * squared.sqrt() / self.spacing) as u8

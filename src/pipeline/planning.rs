@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -16,7 +17,7 @@ use super::{
 };
 use crate::{
     config::{Settings, Target},
-    geometry::Lattice,
+    geometry::{Lattice, Rect},
     lloyd::{AREA_PER_SEED, Options, Scan},
     tile::{CellKey, Plan, PlanOptions, Spill, Square},
 };
@@ -299,14 +300,20 @@ impl Planning<'_> {
             .collect();
         looked_into.sort_unstable_by_key(|rect| rect.min);
         looked_into.dedup();
-        let mut kept = HashMap::new();
-        let most = points_for(self.budget.tile());
-        for rect in looked_into {
-            let points = gather_points(spill, &rect, lattice, options, CROWD.min(most))?;
+        // As many at once as there are threads.
+        let most = points_for(self.budget.tile()) / self.job.settings.threads as u64;
+        let kept_in = |rect: &Rect| -> Result<HashMap<[i64; 2], u64>, JobError> {
+            let points = gather_points(spill, rect, lattice, options, CROWD.min(most))?;
+            let mut kept = HashMap::new();
             for point in Scan::thinned(points, lattice, options) {
                 *kept.entry(grid.square_of(point)).or_default() += 1;
             }
-        }
-        Ok(kept)
+            Ok(kept)
+        };
+        let parts: Vec<_> = looked_into
+            .par_iter()
+            .map(kept_in)
+            .collect::<Result<_, _>>()?;
+        Ok(parts.into_iter().flatten().collect())
     }
 }

@@ -155,8 +155,10 @@ pub(super) fn solve_tile(
 fn input_distances(scan: &Scan, core: &Rect, options: &Options) -> UniformityTally {
     let mut tally = UniformityTally::new(options.spacing);
     let farthest = BAND * options.spacing;
-    scan.sampled_distances(options.seeds_per_point, farthest, |p| core.contains(p))
-        .for_each(|distance| tally.push_distance(distance));
+    let distances = scan.sampled_distances(options.seeds_per_point, farthest, |p| core.contains(p));
+    for distance in distances {
+        tally.push_distance(distance);
+    }
     tally
 }
 

@@ -6,6 +6,7 @@
 
 use std::collections::HashMap;
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -131,15 +132,17 @@ pub(super) fn write(
             );
         }
         let grid = NeighborGrid::new(&places, spacing);
+        let nearest: Vec<Option<f64>> = (0..own)
+            .into_par_iter()
+            .map(|index| {
+                let is_own = |other: u32| other as usize == index;
+                let nearest = grid.nearest(places[index], BAND * spacing, is_own);
+                nearest.map(|(_, squared)| squared.sqrt())
+            })
+            .collect();
         let mut tile_tally = tally();
-        for (index, (place, record)) in (0u32..).zip(
-            places[..own]
-                .iter()
-                .zip(records.chunks_exact(record_length)),
-        ) {
-            let nearest = grid.nearest(*place, BAND * spacing, |other| other == index);
+        for (record, nearest) in records.chunks_exact(record_length).zip(nearest) {
             let point = Stored::of_record(record);
-            let nearest = nearest.map(|(_, squared)| squared.sqrt());
             field.push(point, nearest, spacing);
             let Some(distance) = nearest else {
                 stitched.all.push_alone();
