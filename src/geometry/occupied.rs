@@ -193,7 +193,7 @@ impl OccupiedCells {
 
     /// The place of the cell `index` among the occupied ones, if it is one.
     pub fn place(&self, index: CellIndex) -> Option<usize> {
-        let brick = self.brick(index.map(|c| c >> BRICK_SHIFT))?;
+        let brick = self.bricks[self.place_of_brick(index.map(|c| c >> BRICK_SHIFT))?];
         let bit = 1 << bit_of(index);
         (brick.occupied & bit != 0).then(|| brick.place(bit))
     }
@@ -223,10 +223,18 @@ impl OccupiedCells {
             let layers = bits(part(2, z), 16);
             for y in bricks(1) {
                 let rows = layers & (bits(part(1, y), 4) * 0x0001_0001_0001_0001);
+                // Bricks of a row stand side by side: only the first is looked up.
+                let mut next = None;
                 for x in bricks(0) {
-                    let Some(brick) = self.brick([x, y, z]) else {
+                    let place = match next {
+                        Some(place) => Some(place).filter(|&place| self.is_at(place, [x, y, z])),
+                        None => self.place_of_brick([x, y, z]),
+                    };
+                    let Some(place) = place else {
                         continue;
                     };
+                    next = Some(place + 1);
+                    let brick = &self.bricks[place];
                     let cells = rows & (bits(part(0, x), 1) * 0x1111_1111_1111_1111);
                     let mut left = brick.occupied & cells;
                     while left != 0 {
@@ -245,20 +253,22 @@ impl OccupiedCells {
         self.starts[place] as usize..self.starts[place + 1] as usize
     }
 
-    fn brick(&self, index: CellIndex) -> Option<&Brick> {
+    /// Whether the brick at `place`, if there is one, lies at `index`.
+    fn is_at(&self, place: usize, index: CellIndex) -> bool {
+        self.bricks
+            .get(place)
+            .is_some_and(|brick| brick.index == index)
+    }
+
+    fn place_of_brick(&self, index: CellIndex) -> Option<usize> {
         let mask = self.table.len() - 1;
         let mut slot = hash(index) & mask;
         loop {
             match self.table[slot] {
                 EMPTY => return None,
-                place => {
-                    let brick = &self.bricks[place as usize];
-                    if brick.index == index {
-                        return Some(brick);
-                    }
-                }
+                place if self.bricks[place as usize].index == index => return Some(place as usize),
+                _ => slot = (slot + 1) & mask,
             }
-            slot = (slot + 1) & mask;
         }
     }
 }

@@ -265,10 +265,8 @@ impl Lists {
             end += count;
             starts.push(end);
         }
-        let others = by_block
-            .into_iter()
-            .flat_map(|(_, others)| others)
-            .collect();
+        let others: Vec<&[u32]> = by_block.iter().map(|(_, others)| &others[..]).collect();
+        let others = others.concat();
         Self {
             places,
             grid,

@@ -19,11 +19,11 @@ use rayon::prelude::*;
 use super::{
     Options, Scan,
     around::Scratch,
-    neighborhoods::{neighbor, sort},
+    neighborhoods::{bounds, neighbor, sort},
     nodes::Nodes,
     scan::priority,
 };
-use crate::geometry::{DOMAIN_SIDES, Local, NeighborGrid, Rect, Stored, spread};
+use crate::geometry::{DOMAIN_SIDES, Local, NeighborGrid, Rect, Stored, cell_of, spread};
 
 /// Radius of the Poisson-disk election, in spacings.
 ///
@@ -44,6 +44,9 @@ const LOOSE_RADIUS: f64 = 0.85;
 
 /// Distance from all other seeds, in spacings, at which a front may start.
 const NUCLEI: f64 = 2.5;
+
+/// Edge of the cells, in spacings, whose points look for seeds together.
+const BRICK: f64 = 4.0 / 3.0;
 
 /// How far beyond the radius the steps of a front look, in spacings.
 const FRONTS: [f64; 6] = [0.1, 0.1, 0.1, 0.2, 0.2, 0.2];
@@ -179,33 +182,47 @@ impl Election<'_> {
         // Squared distance of each point to the nearest seed, as far as it is
         // needed.
         let known = self.grid();
-        let to_seed = |point: Stored| {
-            let nearest = known.nearest(self.place_of(point), NUCLEI * spacing, |_| false);
-            nearest.map_or(f64::INFINITY, |(_, squared)| squared)
-        };
+        let brick_of = |&point: &Stored| cell_of(self.place_of(point), BRICK * spacing);
         let mut left: Vec<(u64, Stored, f64)> = points
-            .par_iter()
-            .map(|&point| (self.priority(point), point, to_seed(point)))
-            .filter(|&(.., squared)| squared >= covered)
+            .par_chunk_by(|a, b| brick_of(a) == brick_of(b))
+            .map_init(Vec::new, |seeds, points| {
+                let [low, high] = bounds(points.iter().map(|&point| self.place_of(point)));
+                let reach = Local::repeat(NUCLEI * spacing);
+                seeds.clear();
+                known.visit_box(low - reach, high + reach, |_, seed| seeds.push(seed));
+                let with_distance = |&point: &Stored| {
+                    let place = self.place_of(point);
+                    let squares = seeds.iter().map(|seed| (seed - place).norm_squared());
+                    let nearest = squares.fold(f64::INFINITY, f64::min);
+                    (self.priority(point), point, nearest)
+                };
+                let uncovered = points.iter().map(with_distance);
+                uncovered
+                    .filter(|&(.., squared)| squared >= covered)
+                    .collect::<Vec<_>>()
+            })
+            .flatten_iter()
             .collect();
         left.par_sort_unstable_by_key(|&(priority, point, _)| (priority, point));
 
         let places: Vec<Local> = left.iter().map(|&(_, p, _)| self.place_of(p)).collect();
         let grid = NeighborGrid::new(&places, spacing);
         let mut nearest: Vec<f64> = left.iter().map(|&(.., squared)| squared).collect();
-        let mut admit = |place: usize, nearest: &mut [f64]| {
+        let mut admit = |place: usize, nearest: &mut [f64], reach: f64| {
             self.seeds.push(left[place].1);
             let center = places[place];
-            grid.visit_around(center, NUCLEI * spacing, |other, position| {
+            grid.visit_around(center, reach * spacing, |other, position| {
                 let known = &mut nearest[other as usize];
                 *known = known.min((position - center).norm_squared());
             });
         };
         for place in 0..left.len() {
             if nearest[place] >= farthest {
-                admit(place, &mut nearest);
+                admit(place, &mut nearest, NUCLEI);
             }
         }
+        // From here on nobody asks for what is farther than the widest step.
+        let widest = LOOSE_RADIUS + FRONTS.into_iter().fold(0.0, f64::max);
         let mut open: Vec<usize> = (0..left.len()).collect();
         for width in FRONTS.into_iter().chain(std::iter::repeat(f64::INFINITY)) {
             open.retain(|&place| nearest[place] >= covered);
@@ -217,7 +234,7 @@ impl Election<'_> {
             let front: Vec<usize> = open.iter().copied().filter(is_next).collect();
             for place in front {
                 if nearest[place] >= covered {
-                    admit(place, &mut nearest);
+                    admit(place, &mut nearest, widest);
                 }
             }
         }

@@ -12,7 +12,7 @@ use super::{
     neighborhoods::{BLOCK, Neighborhoods},
     step::Step,
 };
-use crate::geometry::{Local, OccupiedCells, PatchKind, Stored, cell_of};
+use crate::geometry::{Cell, Local, OccupiedCells, PatchKind, Stored, cell_of};
 
 /// What is asked of the solver. Lengths are CRS units.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -105,7 +105,7 @@ pub struct Site {
     /// Whether everything that it depends on was known here: every tile for
     /// which this holds has the same bits.
     pub is_exact: bool,
-    /// Whether it was left where it was elected, for want of a patch to trust.
+    /// Whether it was left where it was elected, for want of a patch to trust: it has no cell.
     pub is_held: bool,
     /// Whether neighbours bound its cell all around.
     pub is_closed: bool,
@@ -366,14 +366,14 @@ impl<'a> Sites<'a> {
                     around.look_for_samples(scan, options);
                 }
                 step.fit_patch(scan, options, &mut around);
-                let moments = step
-                    .fit
+                let mut trusted = step.fit.as_mut().filter(|fit| fit.is_trusted());
+                let moments = trusted
                     .as_mut()
                     .and_then(|fit| around.restricted_cell(fit, scan, options));
                 let nearest = around.nearest_within(FARTHEST_NEIGHBOR * options.spacing);
-                let cell = &around.scratch.cell;
-                let trusted = step.fit.as_ref().filter(|fit| fit.is_trusted());
-                let surface = trusted.map(|fit| fit.patch.upwards());
+                let surface = trusted.as_ref().map(|fit| fit.patch.upwards());
+                let cell = moments.map(|_| &around.scratch.cell);
+                let neighbors = cell.map_or(0, Cell::neighbor_count);
                 Site {
                     identity: identities[around.site],
                     position: around.place,
@@ -381,8 +381,8 @@ impl<'a> Sites<'a> {
                     is_held: trusted.is_none(),
                     normal: surface.map(|(normal, _)| normal),
                     curvature: surface.map_or(f64::NAN, |(_, curvature)| curvature),
-                    is_closed: moments.is_some() && cell.is_closed(),
-                    neighbors: u8::try_from(cell.neighbor_count()).unwrap_or(u8::MAX),
+                    is_closed: cell.is_some_and(Cell::is_closed),
+                    neighbors: u8::try_from(neighbors).unwrap_or(u8::MAX),
                     area: moments.map_or(0.0, |m| m.area),
                     energy: moments.map_or(0.0, |m| m.energy),
                     nearest: nearest.unwrap_or(f64::INFINITY),
