@@ -17,3 +17,7 @@ pub use patch::{Patch, PatchKind};
 pub use response::Response;
 
 pub(crate) use occupied::spread;
+
+/// Places that a thread takes at once. What they cost differs widely: of few large parts the
+/// last leaves the other threads idle.
+pub(crate) const AT_ONCE: usize = 1024;

@@ -23,7 +23,9 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::{Options, Scan, fit::THICKNESS};
-use crate::geometry::{Local, NeighborGrid, OccupiedCells, Patch, PatchKind, Stored, cell_of};
+use crate::geometry::{
+    AT_ONCE, Local, NeighborGrid, OccupiedCells, Patch, PatchKind, Stored, cell_of,
+};
 
 /// Distance between places of the filling, in spacings: a patch then finds as
 /// many as it wants.
@@ -60,6 +62,7 @@ pub(super) fn filling(scan: &Scan, options: &Options) -> Vec<Stored> {
     let places = |near: &mut Vec<Local>, &mark: &Local| places_at(mark, &grid, scan, options, near);
     landmarks
         .par_iter()
+        .with_max_len(AT_ONCE)
         .map_init(Vec::new, places)
         .flatten_iter()
         .collect()

@@ -13,11 +13,14 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::geometry::{Local, Neighbor, NeighborGrid};
+use crate::geometry::{AT_ONCE, Local, Neighbor, NeighborGrid};
 
 /// Edge of a block, in spacings. Places of a block look for their neighbours and
 /// for samples together.
 pub(super) const BLOCK: f64 = 2.4;
+
+/// Blocks that a thread takes at once.
+pub(super) const BLOCKS_AT_ONCE: usize = AT_ONCE / 16;
 
 /// The corners of the box about `places`.
 pub(super) fn bounds(places: impl Iterator<Item = Local>) -> [Local; 2] {
@@ -257,16 +260,27 @@ impl Lists {
             }
             (counts, others)
         };
-        let by_block: Vec<(Vec<u32>, Vec<u32>)> =
-            blocks.par_iter().map_init(Vec::new, of_block).collect();
+        let by_block: Vec<(Vec<u32>, Vec<u32>)> = blocks
+            .par_iter()
+            .with_max_len(BLOCKS_AT_ONCE)
+            .map_init(Vec::new, of_block)
+            .collect();
         let mut starts = vec![0];
         let mut end = 0;
         for count in by_block.iter().flat_map(|(counts, _)| counts) {
             end += count;
             starts.push(end);
         }
-        let others: Vec<&[u32]> = by_block.iter().map(|(_, others)| &others[..]).collect();
-        let others = others.concat();
+        let mut others = vec![0; end as usize];
+        let mut rest = &mut others[..];
+        let mut parts = Vec::with_capacity(by_block.len());
+        for (_, found) in &by_block {
+            let (part, after) = rest.split_at_mut(found.len());
+            parts.push((part, found));
+            rest = after;
+        }
+        let parts = parts.into_par_iter();
+        parts.for_each(|(part, found)| part.copy_from_slice(found));
         Self {
             places,
             grid,

@@ -24,7 +24,7 @@ use rayon::prelude::*;
 use super::{
     Options, Scan,
     fit::{Samples, is_allowed},
-    neighborhoods::{BLOCK, bounds},
+    neighborhoods::{BLOCK, BLOCKS_AT_ONCE, bounds},
     seeds::ROW,
 };
 use crate::geometry::{CellIndex, Local, OccupiedCells, Patch, PatchKind, Stored, cell_of};
@@ -266,6 +266,7 @@ fn by_block<T: Send>(
     let blocks: Vec<_> = blocks.ranges().collect();
     blocks
         .into_par_iter()
+        .with_max_len(BLOCKS_AT_ONCE)
         .map_init(Samples::default, |samples, block| {
             let held = || order[block.clone()].iter().map(|&own| own as usize);
             let [low, high] = bounds(held().map(|own| places[own]));

@@ -15,7 +15,9 @@ use std::ops::{ControlFlow, Range};
 use rayon::prelude::*;
 
 use super::{Options, filling::filling, smoothing::smoothed};
-use crate::geometry::{Lattice, Local, NeighborGrid, OccupiedCells, Stored, cell_of, spread};
+use crate::geometry::{
+    AT_ONCE, Lattice, Local, NeighborGrid, OccupiedCells, Stored, cell_of, spread,
+};
 
 /// Voxels to a spacing. Three give some forty samples to a patch of radius
 /// 1.2 spacings; more cost time and moved no figure.
@@ -265,6 +267,7 @@ impl Scan {
         let is_chosen = |point: Stored| priority(point, !0) <= threshold && wanted(point);
         (0..self.points.len())
             .into_par_iter()
+            .with_max_len(AT_ONCE)
             .filter(|&own| is_chosen(self.points[own]))
             .filter_map(|own| self.nearest_but(Some(own), self.local(own), radius))
             .map(|(_, distance)| distance)

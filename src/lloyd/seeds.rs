@@ -23,7 +23,7 @@ use super::{
     nodes::Nodes,
     scan::priority,
 };
-use crate::geometry::{DOMAIN_SIDES, Local, NeighborGrid, Rect, Stored, cell_of, spread};
+use crate::geometry::{AT_ONCE, DOMAIN_SIDES, Local, NeighborGrid, Rect, Stored, cell_of, spread};
 
 /// Radius of the Poisson-disk election, in spacings.
 ///
@@ -153,6 +153,7 @@ impl Election<'_> {
         // Most are covered by what there is already.
         candidates = candidates
             .into_par_iter()
+            .with_max_len(AT_ONCE)
             .filter(|&(_, point)| !known.any_within(self.place_of(point), radius))
             .collect();
         candidates.par_sort_unstable_by_key(|&(rank, point)| (rank, self.priority(point), point));

@@ -9,10 +9,10 @@ use super::{
     domain::Cone,
     elect,
     fit::is_allowed,
-    neighborhoods::{BLOCK, Neighborhoods},
+    neighborhoods::{BLOCK, BLOCKS_AT_ONCE, Neighborhoods},
     step::Step,
 };
-use crate::geometry::{Cell, Local, OccupiedCells, PatchKind, Stored, cell_of};
+use crate::geometry::{AT_ONCE, Cell, Local, OccupiedCells, PatchKind, Stored, cell_of};
 
 /// What is asked of the solver. Lengths are CRS units.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -292,7 +292,7 @@ impl<'a> Sites<'a> {
             domain,
             options,
             identities: order.iter().map(|&i| identities[i as usize]).collect(),
-            steps: places.iter().map(|&place| Step::new(place)).collect(),
+            steps: places.par_iter().map(|&place| Step::new(place)).collect(),
             neighborhoods: Neighborhoods::new(places, blocks.ranges().collect(), options.spacing),
         }
     }
@@ -330,6 +330,7 @@ impl<'a> Sites<'a> {
         next.par_iter_mut()
             .zip(&mut self.steps)
             .zip(self.neighborhoods.places())
+            .with_max_len(AT_ONCE)
             .for_each(|((place, step), before)| {
                 let target = step.target;
                 if *place == target {
@@ -413,6 +414,7 @@ fn by_block<T: Send>(
     }
     blocks
         .into_par_iter()
+        .with_max_len(BLOCKS_AT_ONCE)
         .map_init(Scratch::new, |scratch, (block, steps)| {
             scratch.begin(neighborhoods, block);
             block

@@ -312,6 +312,7 @@ impl Planning<'_> {
         };
         let parts: Vec<_> = looked_into
             .par_iter()
+            .with_max_len(1)
             .map(kept_in)
             .collect::<Result<_, _>>()?;
         Ok(parts.into_iter().flatten().collect())

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{JobError, gathering::gather_points, memory::points_for, transfer::Transfer};
 use crate::{
-    geometry::{Lattice, Local, NeighborGrid, Rect, Stored},
+    geometry::{AT_ONCE, Lattice, Local, NeighborGrid, Rect, Stored},
     lloyd::{DistanceSums, Domain, Options, Scan, Site, solve_watched},
     quality::{CellFigures, DistanceTally, UniformityTally},
     tile::{Plan, SolvedSite, SolvedTile, Spill, Tile},
@@ -194,7 +194,12 @@ fn coverage(scan: &Scan, sites: &[Site], core: &Rect, spacing: f64) -> DistanceT
         nearest.map_or(FARTHEST * spacing, |(_, squared)| squared.sqrt())
     };
     let is_own = |point: &&Stored| core.contains(**point);
-    let distances: Vec<f64> = points.par_iter().filter(is_own).map(to_site).collect();
+    let distances: Vec<f64> = points
+        .par_iter()
+        .with_max_len(AT_ONCE)
+        .filter(is_own)
+        .map(to_site)
+        .collect();
     // One after the other: a sum must not depend on the threads.
     distances.into_iter().for_each(|d| tally.push(d));
     tally

@@ -267,7 +267,8 @@ fn at_once(
     let together = (POINTS_AT_ONCE / most.max(1)).max(1) as usize;
     let mut results = Vec::with_capacity(tiles.len());
     for tiles in tiles.chunks(together) {
-        let part: Result<Vec<u64>, JobError> = tiles.par_iter().map(&work).collect();
+        let part: Result<Vec<u64>, JobError> =
+            tiles.par_iter().with_max_len(1).map(&work).collect();
         results.extend(part?);
     }
     Ok(results)

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::{JobError, solving::FARTHEST};
 use crate::{
     config::{ClassRule, ColorRule, Computed, Settings},
-    geometry::{Local, NeighborGrid, Rect, Stored},
+    geometry::{AT_ONCE, Local, NeighborGrid, Rect, Stored},
     las::RecordFormat,
     lloyd::{Scan, Site},
     tile::Spill,
@@ -113,7 +113,11 @@ impl Transfer {
             scan.nearest(place_of(site), FARTHEST * spacing)
                 .unwrap_or((site.identity, FARTHEST * spacing))
         };
-        let nearest: Vec<(Stored, f64)> = own.par_iter().map(nearest_of).collect();
+        let nearest: Vec<(Stored, f64)> = own
+            .par_iter()
+            .with_max_len(AT_ONCE)
+            .map(nearest_of)
+            .collect();
         let wanted: HashSet<Stored> = nearest.iter().map(|&(point, _)| point).collect();
         let cells_of = self.needs_cells().then(|| {
             let places: Vec<Local> = sites.iter().map(place_of).collect();
