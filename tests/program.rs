@@ -85,15 +85,19 @@ fn cells_are_more_even_than_the_seeds_and_points_lie_on_the_street() {
     let dir = tempfile::tempdir().unwrap();
     let scans = street(dir.path());
     let output = dir.path().join("out.laz");
-    succeed(&scans, &output, &["--spacing", "0.25"]);
-    let report = report(&output);
-    let of = |what: &str, figure: &str| report[what][figure].as_f64().unwrap();
-    let excess = |what: &str| of(what, "energy_ratio") - 1.0;
-    // A few cells in the leaves decide by how much: 0.59 to 0.78 with builds whose sites differ
-    // in the fourth digit.
-    assert!(excess("uniformity") < 0.9 * excess("seeds"));
-    assert!(of("uniformity", "cell_area_cv") < 0.9 * of("seeds", "cell_area_cv"));
-    assert!(of("coverage", "share_beyond") < 0.01);
+    let mut excess = [0.0; 2];
+    // A few cells in the leaves decide much of a single run.
+    for spacing in ["0.22", "0.28", "0.25"] {
+        succeed(&scans, &output, &["--spacing", spacing, "--overwrite"]);
+        let report = report(&output);
+        let of = |what: &str, figure: &str| report[what][figure].as_f64().unwrap();
+        for (excess, what) in excess.iter_mut().zip(["uniformity", "seeds"]) {
+            *excess += of(what, "energy_ratio") - 1.0;
+        }
+        assert!(of("uniformity", "cell_area_cv") < 0.9 * of("seeds", "cell_area_cv"));
+        assert!(of("coverage", "share_beyond") < 0.01);
+    }
+    assert!(excess[0] < 0.7 * excess[1], "{excess:?}");
 
     // Nearer to the true surfaces than the scanner's noise of a centimetre.
     let truth = ["measure", text(&output), "--json", "--truth", text(&scans)];
