@@ -300,21 +300,23 @@ impl Planning<'_> {
             .collect();
         looked_into.sort_unstable_by_key(|rect| rect.min);
         looked_into.dedup();
-        // As many at once as there are threads.
-        let most = points_for(self.budget.tile()) / self.job.settings.threads as u64;
+        // Together they hold what one alone may.
+        let threads = self.job.settings.threads;
+        let crowd = CROWD.min(points_for(self.budget.tile())) / threads as u64;
         let kept_in = |rect: &Rect| -> Result<HashMap<[i64; 2], u64>, JobError> {
-            let points = gather_points(spill, rect, lattice, options, CROWD.min(most))?;
+            let points = gather_points(spill, rect, lattice, options, crowd)?;
             let mut kept = HashMap::new();
             for point in Scan::thinned(points, lattice, options) {
                 *kept.entry(grid.square_of(point)).or_default() += 1;
             }
             Ok(kept)
         };
-        let parts: Vec<_> = looked_into
-            .par_iter()
-            .with_max_len(1)
-            .map(kept_in)
-            .collect::<Result<_, _>>()?;
-        Ok(parts.into_iter().flatten().collect())
+        let mut kept = HashMap::new();
+        // Given all at once, a thread that waits for a part of one would begin another.
+        for few in looked_into.chunks(threads) {
+            let parts: Vec<_> = few.par_iter().map(kept_in).collect::<Result<_, _>>()?;
+            kept.extend(parts.into_iter().flatten());
+        }
+        Ok(kept)
     }
 }
