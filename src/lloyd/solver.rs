@@ -309,16 +309,20 @@ impl<'a> Sites<'a> {
             .filter(|&(site, _)| !matters(site))
             .for_each(|(_, (step, &place))| step.leave(place));
         let (scan, options) = (self.scan, self.options);
-        let nearest = by_block(
+        let mut nearest = vec![None; self.steps.len()];
+        by_block(
             &mut self.steps,
+            &mut nearest,
             &self.neighborhoods,
             options,
-            matters,
-            |step, around| {
+            |step, nearest, around| {
                 let site = around.site;
-                step.advance(scan, options, cone, &was_exact, around);
-                step.nearest
-                    .filter(|_| self.domain.core.contains(self.identities[site]))
+                if matters(site) {
+                    step.advance(scan, options, cone, &was_exact, around);
+                    *nearest = step
+                        .nearest
+                        .filter(|_| self.domain.core.contains(self.identities[site]));
+                }
             },
         );
         DistanceSums::of(nearest.into_iter().flatten())
@@ -356,12 +360,16 @@ impl<'a> Sites<'a> {
         let (scan, options, identities) = (self.scan, self.options, &self.identities);
         let wanted =
             |site: usize| core.contains(identities[site]) || core.depth(identities[site]) > -band;
-        let mut sites = by_block(
+        let mut found = vec![None; self.steps.len()];
+        by_block(
             &mut self.steps,
+            &mut found,
             &self.neighborhoods,
             options,
-            wanted,
-            |step, mut around| {
+            |step, found, mut around| {
+                if !wanted(around.site) {
+                    return;
+                }
                 // At first no site has a patch.
                 if step.fit.is_none() {
                     around.look_for_samples(scan, options);
@@ -375,7 +383,7 @@ impl<'a> Sites<'a> {
                 let surface = trusted.as_ref().map(|fit| fit.patch.upwards());
                 let cell = moments.map(|_| &around.scratch.cell);
                 let neighbors = cell.map_or(0, Cell::neighbor_count);
-                Site {
+                *found = Some(Site {
                     identity: identities[around.site],
                     position: around.place,
                     is_exact: step.is_exact,
@@ -387,60 +395,54 @@ impl<'a> Sites<'a> {
                     area: moments.map_or(0.0, |m| m.area),
                     energy: moments.map_or(0.0, |m| m.energy),
                     nearest: nearest.unwrap_or(f64::INFINITY),
-                }
+                });
             },
         );
+        let mut sites: Vec<Site> = found.into_par_iter().flatten().collect();
         sites.par_sort_unstable_by_key(|site| site.identity);
         sites
     }
 }
 
-/// Calls `work` for every site that is `wanted`, in parallel by blocks. Results
-/// come in the order of the sites.
+/// Calls `work` for every site, with its place in `results`, in parallel by blocks.
 fn by_block<T: Send>(
     steps: &mut [Step],
+    results: &mut [T],
     neighborhoods: &Neighborhoods,
     options: &Options,
-    wanted: impl Fn(usize) -> bool + Sync,
-    work: impl Fn(&mut Step, Around<'_>) -> T + Sync,
-) -> Vec<T> {
+    work: impl Fn(&mut Step, &mut T, Around<'_>) + Sync,
+) {
     let clearance = clearance(options);
-    let mut rest = steps;
+    let mut rest = (steps, results);
     let mut blocks = Vec::with_capacity(neighborhoods.blocks().len());
     for block in neighborhoods.blocks() {
-        let (own, others) = rest.split_at_mut(block.len());
-        blocks.push((block, own));
-        rest = others;
+        let (steps, other_steps) = rest.0.split_at_mut(block.len());
+        let (results, other_results) = rest.1.split_at_mut(block.len());
+        blocks.push((block, steps, results));
+        rest = (other_steps, other_results);
     }
     blocks
         .into_par_iter()
         .with_max_len(BLOCKS_AT_ONCE)
-        .map_init(Scratch::new, |scratch, (block, steps)| {
+        .for_each_init(Scratch::new, |scratch, (block, steps, results)| {
             scratch.begin(neighborhoods, block);
-            block
-                .clone()
-                .zip(steps)
-                .filter(|&(site, _)| wanted(site))
-                .map(|(site, step)| {
-                    // Nobody has looked around this site yet.
-                    scratch.neighbors.clear();
-                    let around = Around {
-                        site,
-                        place: neighborhoods.places()[site],
-                        spacing: options.spacing,
-                        clearance,
-                        neighborhoods,
-                        block: block.clone(),
-                        links: step.links,
-                        was_open: step.is_open,
-                        scratch,
-                    };
-                    work(step, around)
-                })
-                .collect::<Vec<_>>()
-        })
-        .flatten_iter()
-        .collect()
+            for (site, (step, result)) in block.clone().zip(steps.iter_mut().zip(results)) {
+                // Nobody has looked around this site yet.
+                scratch.neighbors.clear();
+                let around = Around {
+                    site,
+                    place: neighborhoods.places()[site],
+                    spacing: options.spacing,
+                    clearance,
+                    neighborhoods,
+                    block: block.clone(),
+                    links: step.links,
+                    was_open: step.is_open,
+                    scratch,
+                };
+                work(step, result, around);
+            }
+        });
 }
 
 fn final_sums(domain: &Domain, sites: &[Site]) -> DistanceSums {
