@@ -247,9 +247,24 @@ impl Planning<'_> {
 
     /// The occupied counting squares, with the memory that a tile takes for each.
     fn squares(&self, options: &Options, points_out: u64) -> Result<Vec<Square>, JobError> {
-        let (spill, lattice) = (self.spill, &self.survey.lattice);
-        let edge = spill.grid().square() as f64 * lattice.scale;
-        let kept = self.kept(edge, options)?;
+        let squares = self.squares_with(&HashMap::new(), options, points_out);
+        // If one tile has room for all as they are, it does not matter how many are kept.
+        if squares.iter().map(|square| square.cost).sum::<u64>() <= self.budget.tile() {
+            return Ok(squares);
+        }
+        let kept = self.kept(options)?;
+        Ok(self.squares_with(&kept, options, points_out))
+    }
+
+    /// The same, where of the points of some squares so many are `kept`.
+    fn squares_with(
+        &self,
+        kept: &HashMap<[i64; 2], u64>,
+        options: &Options,
+        points_out: u64,
+    ) -> Vec<Square> {
+        let spill = self.spill;
+        let edge = spill.grid().square() as f64 * self.survey.lattice.scale;
         let mean = SEEDS_TO_SPARE * points_out as f64 / spill.points() as f64;
         // Where the scan is sparse it has more seeds to the point, up to one for each,
         // or more where holes are filled; but no more than there is room for.
@@ -261,7 +276,7 @@ impl Planning<'_> {
             .sum();
         // What stands upright has seeds above each other.
         let layers = SEEDS_TO_SPARE * points_out as f64 / all_sparse;
-        Ok(spill
+        spill
             .squares()
             .map(|(place, points)| {
                 let held = kept.get(&place).map_or(points, |&kept| kept.min(points));
@@ -273,13 +288,13 @@ impl Planning<'_> {
                     cost: bytes_of(held as f64, seeds).ceil() as u64,
                 }
             })
-            .collect())
+            .collect()
     }
 
-    /// Of squares of edge `edge` that hold more points than a scan of a plane keeps:
-    /// how many it does keep.
-    fn kept(&self, edge: f64, options: &Options) -> Result<HashMap<[i64; 2], u64>, JobError> {
+    /// Of squares that hold more points than a scan of a plane keeps: how many it does keep.
+    fn kept(&self, options: &Options) -> Result<HashMap<[i64; 2], u64>, JobError> {
         let (spill, lattice) = (self.spill, &self.survey.lattice);
+        let edge = spill.grid().square() as f64 * lattice.scale;
         let most = Scan::most_on_square(edge, lattice, options);
         let mut crowded: Vec<([i64; 2], CellKey)> = Vec::new();
         let mut of_cell: HashMap<CellKey, u64> = HashMap::new();
