@@ -29,6 +29,11 @@ impl Domain {
             band: 0,
         }
     }
+
+    /// Whether the site that was elected at `identity` is wanted.
+    pub(super) fn wants(&self, identity: Stored) -> bool {
+        self.core.contains(identity) || self.core.depth(identity) > -self.band
+    }
 }
 
 /// Which sites can still reach the core: all at first, fewer with every

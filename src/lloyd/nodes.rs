@@ -213,10 +213,11 @@ impl Nodes {
         let [s, t] = axes.map(|axis| axis.dot(&place) / self.spacing);
         let below = (t / ROW).floor();
         let [lower, upper] = [below, below + 1.0].map(|row| {
-            let shift = if row.rem_euclid(2.0) == 0.0 { 0.0 } else { 0.5 };
+            let line = row as i64;
+            let shift = 0.5 * (line & 1) as f64;
             let column = (s - shift).round();
             let way = [s - shift - column, t - row * ROW];
-            ([row as i64, column as i64], way)
+            ([line, column as i64], way)
         });
         let squared = |[along, across]: [f64; 2]| along * along + across * across;
         if squared(lower.1) <= squared(upper.1) {

@@ -309,13 +309,23 @@ impl Scan {
         best
     }
 
-    /// For every occupied voxel its point of highest priority, a hash of its
-    /// coordinates and the seed: an even, unbiased choice of places of the scan.
-    pub fn representatives(&self) -> Vec<Stored> {
-        let rank = |point: &Stored| (priority(*point, self.seed), *point);
-        let first = |voxel: Range<usize>| self.points[voxel].iter().copied().min_by_key(rank);
+    /// The points of every occupied voxel.
+    pub(super) fn points_by_voxel(&self) -> impl ParallelIterator<Item = &[Stored]> {
         let voxels: Vec<Range<usize>> = self.voxels.ranges().collect();
-        voxels.into_par_iter().filter_map(first).collect()
+        voxels.into_par_iter().map(|voxel| &self.points[voxel])
+    }
+
+    /// Of the points of a voxel the one of highest priority, a hash of its coordinates and the
+    /// seed.
+    pub(super) fn representative(&self, voxel: &[Stored]) -> Option<Stored> {
+        let rank = |point: &Stored| (priority(*point, self.seed), *point);
+        voxel.iter().copied().min_by_key(rank)
+    }
+
+    /// One point of every occupied voxel: an even, unbiased choice of places of the scan.
+    pub fn representatives(&self) -> Vec<Stored> {
+        let voxels = self.points_by_voxel();
+        voxels.filter_map(|v| self.representative(v)).collect()
     }
 }
 

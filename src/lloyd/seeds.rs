@@ -107,13 +107,13 @@ fn elected(scan: &Scan, options: &Options) -> Vec<Stored> {
     election.elect_in_order(nodes.places(scan, options));
     // One point to a voxel says where a surface is. Elsewhere every point counts:
     // what no seed covers there is not covered later.
-    let is_on_surface = |point: &Stored| nodes.have(scan.lattice().local(*point));
-    let surfaces = scan.representatives().into_par_iter();
-    let surfaces: Vec<Stored> = surfaces.filter(is_on_surface).collect();
+    let is_on_surface = |voxel: &&[Stored]| nodes.have(scan.lattice().local(voxel[0]));
+    let (surfaces, loose): (Vec<&[Stored]>, Vec<&[Stored]>) =
+        scan.points_by_voxel().partition(is_on_surface);
+    let surfaces = surfaces.into_par_iter();
+    let surfaces: Vec<Stored> = surfaces.filter_map(|v| scan.representative(v)).collect();
     election.elect_in_order(equal(surfaces.into_iter()));
-    let points = scan.points().par_iter().copied();
-    let loose: Vec<Stored> = points.filter(|point| !is_on_surface(point)).collect();
-    election.elect_loose(&loose);
+    election.elect_loose(&loose.concat());
     election.elect_in_order(equal(scan.filling().iter().copied()));
     election.seeds
 }

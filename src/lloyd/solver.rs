@@ -12,7 +12,7 @@ use super::{
     neighborhoods::{BLOCK, BLOCKS_AT_ONCE, Neighborhoods},
     step::Step,
 };
-use crate::geometry::{AT_ONCE, Cell, Local, OccupiedCells, PatchKind, Stored, cell_of};
+use crate::geometry::{AT_ONCE, Cell, Local, Moments, OccupiedCells, PatchKind, Stored, cell_of};
 
 /// What is asked of the solver. Lengths are CRS units.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -220,7 +220,7 @@ pub fn solve_watched(
     for (step, &identity) in sites.steps.iter_mut().zip(&sites.identities) {
         step.is_exact = cone.knows_seed(identity);
     }
-    let seeds = sites.describe();
+    let seeds = sites.first_step(&cone);
     let mut accelerator = Accelerator::new(
         options.acceleration,
         &sites.identities,
@@ -232,7 +232,10 @@ pub fn solve_watched(
         // The first ones take longer: more sites move, and more patches are fitted.
         let share = (f64::from(iteration) / f64::from(options.iterations)).powf(0.85);
         watch(ELECTION_SHARE + (1.0 - ELECTION_SHARE) * share);
-        convergence.push(sites.lloyd_step(&cone, iteration));
+        convergence.push(match iteration {
+            0 => sums(domain, &seeds),
+            _ => sites.lloyd_step(&cone, iteration),
+        });
         let next = accelerator.next(&Iterate {
             sites: sites.neighborhoods.places(),
             steps: &sites.steps,
@@ -241,7 +244,7 @@ pub fn solve_watched(
         sites.go(next);
     }
     let ended = sites.describe();
-    convergence.push(final_sums(domain, &ended));
+    convergence.push(sums(domain, &ended));
     Solution {
         sites: ended,
         seeds,
@@ -353,13 +356,12 @@ impl<'a> Sites<'a> {
         self.neighborhoods.go(next);
     }
 
-    /// The sites of core and band as they are, with the figures of their
-    /// cells, in the order of their identities.
-    fn describe(&mut self) -> Vec<Site> {
-        let Domain { core, band, .. } = *self.domain;
-        let (scan, options, identities) = (self.scan, self.options, &self.identities);
-        let wanted =
-            |site: usize| core.contains(identities[site]) || core.depth(identities[site]) > -band;
+    /// The first Lloyd step of all sites, and the figures of their cells before it, as
+    /// [`describe`](Self::describe) gives them.
+    fn first_step(&mut self, cone: &Cone<'_>) -> Vec<Site> {
+        let (scan, options, domain) = (self.scan, self.options, self.domain);
+        let identities = &self.identities;
+        let was_exact: Vec<bool> = self.steps.iter().map(|step| step.is_exact).collect();
         let mut found = vec![None; self.steps.len()];
         by_block(
             &mut self.steps,
@@ -367,41 +369,71 @@ impl<'a> Sites<'a> {
             &self.neighborhoods,
             options,
             |step, found, mut around| {
-                if !wanted(around.site) {
-                    return;
+                let moments = step.clip(scan, options, &mut around);
+                let identity = identities[around.site];
+                if domain.wants(identity) {
+                    *found = Some(site(identity, step, moments, &mut around));
                 }
-                // At first no site has a patch.
-                if step.fit.is_none() {
-                    around.look_for_samples(scan, options);
-                }
-                step.fit_patch(scan, options, &mut around);
-                let mut trusted = step.fit.as_mut().filter(|fit| fit.is_trusted());
-                let moments = trusted
-                    .as_mut()
-                    .and_then(|fit| around.restricted_cell(fit, scan, options));
-                let nearest = around.nearest_within(FARTHEST_NEIGHBOR * options.spacing);
-                let surface = trusted.as_ref().map(|fit| fit.patch.upwards());
-                let cell = moments.map(|_| &around.scratch.cell);
-                let neighbors = cell.map_or(0, Cell::neighbor_count);
-                *found = Some(Site {
-                    identity: identities[around.site],
-                    position: around.place,
-                    is_exact: step.is_exact,
-                    is_held: trusted.is_none(),
-                    normal: surface.map(|(normal, _)| normal),
-                    curvature: surface.map_or(f64::NAN, |(_, curvature)| curvature),
-                    is_closed: cell.is_some_and(Cell::is_closed),
-                    neighbors: u8::try_from(neighbors).unwrap_or(u8::MAX),
-                    area: moments.map_or(0.0, |m| m.area),
-                    energy: moments.map_or(0.0, |m| m.energy),
-                    nearest: nearest.unwrap_or(f64::INFINITY),
-                });
+                step.go(moments, scan, options, cone, &was_exact, around);
             },
         );
-        let mut sites: Vec<Site> = found.into_par_iter().flatten().collect();
-        sites.par_sort_unstable_by_key(|site| site.identity);
-        sites
+        sorted(found)
     }
+
+    /// The sites of core and band as they are, with the figures of their
+    /// cells, in the order of their identities.
+    fn describe(&mut self) -> Vec<Site> {
+        let (scan, options, domain) = (self.scan, self.options, self.domain);
+        let identities = &self.identities;
+        let mut found = vec![None; self.steps.len()];
+        by_block(
+            &mut self.steps,
+            &mut found,
+            &self.neighborhoods,
+            options,
+            |step, found, mut around| {
+                let identity = identities[around.site];
+                if domain.wants(identity) {
+                    let moments = step.clip(scan, options, &mut around);
+                    *found = Some(site(identity, step, moments, &mut around));
+                }
+            },
+        );
+        sorted(found)
+    }
+}
+
+/// The site of `step`, by the `moments` of the cell that was clipped last.
+fn site(
+    identity: Stored,
+    step: &mut Step,
+    moments: Option<Moments>,
+    around: &mut Around<'_>,
+) -> Site {
+    let nearest = around.nearest_within(FARTHEST_NEIGHBOR * around.spacing);
+    let surface = step.trusted().map(|fit| fit.patch.upwards());
+    let cell = moments.map(|_| &around.scratch.cell);
+    let neighbors = cell.map_or(0, Cell::neighbor_count);
+    Site {
+        identity,
+        position: around.place,
+        is_exact: step.is_exact,
+        is_held: surface.is_none(),
+        normal: surface.map(|(normal, _)| normal),
+        curvature: surface.map_or(f64::NAN, |(_, curvature)| curvature),
+        is_closed: cell.is_some_and(Cell::is_closed),
+        neighbors: u8::try_from(neighbors).unwrap_or(u8::MAX),
+        area: moments.map_or(0.0, |m| m.area),
+        energy: moments.map_or(0.0, |m| m.energy),
+        nearest: nearest.unwrap_or(f64::INFINITY),
+    }
+}
+
+/// Those that were `found`, in the order of their identities.
+fn sorted(found: Vec<Option<Site>>) -> Vec<Site> {
+    let mut sites: Vec<Site> = found.into_par_iter().flatten().collect();
+    sites.par_sort_unstable_by_key(|site| site.identity);
+    sites
 }
 
 /// Calls `work` for every site, with its place in `results`, in parallel by blocks.
@@ -445,7 +477,8 @@ fn by_block<T: Send>(
         });
 }
 
-fn final_sums(domain: &Domain, sites: &[Site]) -> DistanceSums {
+/// Distances from the core's `sites` to the nearest others.
+fn sums(domain: &Domain, sites: &[Site]) -> DistanceSums {
     let counts = |site: &&Site| site.nearest.is_finite() && domain.core.contains(site.identity);
     DistanceSums::of(sites.iter().filter(counts).map(|site| site.nearest))
 }

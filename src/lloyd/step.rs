@@ -15,7 +15,7 @@ use super::{
     neighborhoods::NEAR,
     solver::FARTHEST_NEIGHBOR,
 };
-use crate::geometry::{Local, Response};
+use crate::geometry::{Local, Moments, Response};
 
 /// A centroid is followed until, iteration by iteration, the farthest moves add up to
 /// this, in spacings. What the first order leaves out goes with the square.
@@ -94,12 +94,32 @@ impl Step {
     }
 
     /// III-B: the patch, kept while the site stays near where it was fitted.
-    pub(super) fn fit_patch(&mut self, scan: &Scan, options: &Options, around: &mut Around<'_>) {
+    fn fit_patch(&mut self, scan: &Scan, options: &Options, around: &mut Around<'_>) {
         let serves = |fit: &Fit| fit.serves(around.place, options.spacing);
         if !self.is_stranded && !self.fit.as_ref().is_some_and(serves) {
+            // At first the others of the block have none, either.
+            if self.fit.is_none() {
+                around.look_for_samples(scan, options);
+            }
             self.fit = around.fit(scan, options);
             self.is_stranded = self.fit.is_none();
         }
+    }
+
+    /// The patch of the site, if it is one to trust.
+    pub(super) fn trusted(&mut self) -> Option<&mut Fit> {
+        self.fit.as_mut().filter(|fit| fit.is_trusted())
+    }
+
+    /// III-B, III-C: clips the cell of the site on its patch; its moments, if there is one.
+    pub(super) fn clip(
+        &mut self,
+        scan: &Scan,
+        options: &Options,
+        around: &mut Around<'_>,
+    ) -> Option<Moments> {
+        self.fit_patch(scan, options, around);
+        around.restricted_cell(self.trusted()?, scan, options)
     }
 
     /// From where the site is to its centroid.
@@ -112,7 +132,8 @@ impl Step {
         mut around: Around<'_>,
     ) {
         if !self.follow(scan, options, was_exact, &mut around) {
-            self.clip(scan, options, cone, was_exact, around);
+            let moments = self.clip(scan, options, &mut around);
+            self.go(moments, scan, options, cone, was_exact, around);
         }
     }
 
@@ -164,9 +185,10 @@ impl Step {
         true
     }
 
-    /// The step to the centroid of a cell that is clipped.
-    fn clip(
+    /// The step to the centroid of the cell that was clipped, by its `moments`.
+    pub(super) fn go(
         &mut self,
+        moments: Option<Moments>,
         scan: &Scan,
         options: &Options,
         cone: &Cone<'_>,
@@ -175,7 +197,6 @@ impl Step {
     ) {
         let place = around.place;
         self.forget(place);
-        self.fit_patch(scan, options, &mut around);
         let Some(fit) = self.fit.as_mut().filter(|fit| fit.is_trusted()) else {
             // It stays, whatever its cell. Of the few that are far from all others how far
             // is asked once.
@@ -185,8 +206,6 @@ impl Step {
                 near.or_else(|| around.nearest_within(FARTHEST_NEIGHBOR * options.spacing));
             return;
         };
-        // III-C: the cell.
-        let moments = around.restricted_cell(fit, scan, options);
         self.nearest = around.scratch.nearest();
         let cell = &around.scratch.cell;
         for (link, neighbor) in self.links.iter_mut().zip(cell.neighbors()) {
