@@ -2,9 +2,10 @@
 //!
 //! Most sites hardly move from one iteration to the next, and neither do those around
 //! them. A cell is then not clipped anew: its centroid is *followed*, as it answers to
-//! the moves to first order, until what they add up to could tell. That is for cells
-//! that neighbours close on patches that are nearly flat: others answer less simply
-//! (with them followed, too, the area CV of forests rose by up to a fifth).
+//! the moves to first order, until what they add up to could tell. That is for cells on
+//! patches that are nearly flat, closed by neighbours or by the end of the scan: others
+//! answer less simply (with them followed, too, cells were less even by 1 %, and their
+//! energy farther from the least by 2 %, on the mean of 53 clouds).
 
 use super::{
     Options, Scan,
@@ -225,14 +226,17 @@ impl Step {
         let Some(moments) = moments else {
             return;
         };
-        if !self.is_open && is_nearly_flat(&fit.patch, options.spacing) {
+        let near = (NEAR * options.spacing).powi(2);
+        // What ends an open cell near by is where the scan ends, which stays.
+        let is_bounded = !self.is_open || security <= near;
+        if is_bounded && is_nearly_flat(&fit.patch, options.spacing) {
             let places = around.neighborhoods.places();
             self.clipped = Some(Clipped {
                 centroid: moments.centroid,
                 response: Response::new(cell, &moments, &fit.patch, place, |neighbor| {
                     places[neighbor as usize]
                 }),
-                attention: security.min((NEAR * options.spacing).powi(2)),
+                attention: security.min(near),
                 nearest: self.nearest.unwrap_or(0.0),
                 drift: 0.0,
             });

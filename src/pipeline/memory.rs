@@ -71,7 +71,7 @@ const FILLING_PER_SEED: f64 = 4.0;
 const PER_SEED: f64 = 1100.0;
 /// The allocator does not give everything back at once. The costs above are what was measured
 /// on five scans by the program, which sees to it that most is; a fifth was to spare.
-const USABLE: f64 = 0.9;
+const USABLE: f64 = 1.1;
 /// No tile costs more than this, whatever the budget: a tile is what a stopped job
 /// loses.
 const LARGEST_TILE: u64 = 3 << 30;

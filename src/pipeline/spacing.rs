@@ -17,9 +17,9 @@ use crate::{
 };
 
 /// Seeds of a part, about: what it sees around itself is a third of that.
-const PART_SEEDS: f64 = 2_000.0;
+const PART_SEEDS: f64 = 1_500.0;
 /// Points that a part has at least, and at most.
-const PART_POINTS: [f64; 2] = [30_000.0, 1_000_000.0];
+const PART_POINTS: [f64; 2] = [22_500.0, 1_000_000.0];
 /// Points of the parts that are held at a time.
 const POINTS_AT_ONCE: u64 = 1_000_000;
 /// Points of a part beyond which they are thinned as they come.

@@ -307,7 +307,7 @@ fn split(points: &Sums, costs: &Sums, core: Rect, options: &PlanOptions, cores: 
     let cut = if fits {
         None
     } else {
-        best_cut(costs, core, options.halo)
+        best_cut(costs, core, options)
     };
     match cut {
         Some(parts) => {
@@ -319,11 +319,13 @@ fn split(points: &Sums, costs: &Sums, core: Rect, options: &PlanOptions, cores: 
     }
 }
 
-/// Of cuts along both axes the one whose parts cost least, evenly, and neither of
-/// which is a sliver if that can be; none of a single square.
-fn best_cut(costs: &Sums, core: Rect, halo: i64) -> Option<[Rect; 2]> {
-    let mut best: Option<((bool, u64), [Rect; 2])> = None;
+/// Of cuts along both axes the one that leads to the fewest tiles, and whose parts cost
+/// least, evenly, and neither of which is a sliver if that can be; none of a single square.
+fn best_cut(costs: &Sums, core: Rect, options: &PlanOptions) -> Option<[Rect; 2]> {
+    let halo = options.halo;
+    let mut best: Option<((bool, u64, u64), [Rect; 2])> = None;
     let sliver = costs.touching(&core) / SLIVER;
+    let whole = costs.touching(&core.grown(halo));
     for axis in 0..2 {
         // Parts and what they see differ along this axis alone.
         let own = costs.profile(&core, axis);
@@ -347,13 +349,29 @@ fn best_cut(costs: &Sums, core: Rect, halo: i64) -> Option<[Rect; 2]> {
                 0 => 0,
                 _ => between(&seen, within(parts[side], halo)),
             });
-            let cost = (is_sliver, near + far + near.abs_diff(far) / 2);
+            let twice = (near + far).saturating_sub(whole);
+            let tiles = [near, far].map(|seen| tiles_of(seen, twice, options.most_cost));
+            let cost = (
+                is_sliver,
+                tiles[0] + tiles[1],
+                near + far + near.abs_diff(far) / 2,
+            );
             if best.is_none_or(|(least, _)| cost < least) {
                 best = Some((cost, parts));
             }
         }
     }
     best.map(|(_, parts)| parts)
+}
+
+/// Tiles, about, that a part is cut into which costs `seen`, where each cut makes `twice` be
+/// seen by both sides.
+fn tiles_of(seen: u64, twice: u64, most: u64) -> u64 {
+    // Where halos are all that is seen, cuts hardly help, and all are alike.
+    let twice = twice.min(most / 2);
+    seen.saturating_sub(twice)
+        .div_ceil((most - twice).max(1))
+        .max(1)
 }
 
 #[cfg(test)]
@@ -474,7 +492,8 @@ mod tests {
         let mut cores = Vec::new();
         let bounds = counts.bounds().unwrap();
         split(&counts, &counts, bounds, &options(50, 600), &mut cores);
-        assert!(cores.len() >= 8 && cores.len() <= 16, "{}", cores.len());
+        // Eight could do.
+        assert!((8..=9).contains(&cores.len()), "{}", cores.len());
         assert!(cores.iter().all(|c| c.max[1] - c.min[1] == 20));
     }
 }
