@@ -4,7 +4,8 @@
 //! squares, until what a tile sees (core and halo) costs no more than it may. A
 //! long street so becomes a row of tiles, a dense junction several small ones. Cuts
 //! that make neighbours see the same places twice are costly: of the cuts tried the
-//! one that makes least be seen, evenly shared, is taken.
+//! one that leads to the fewest tiles is taken, and of those the one that makes least be
+//! seen, evenly shared.
 
 use std::ops::Range;
 
