@@ -19,6 +19,17 @@ pub struct Neighbor {
     pub position: Local,
 }
 
+impl Neighbor {
+    /// Nearest first, equally near ones in the order of their names.
+    pub fn sort(neighbors: &mut [Self]) {
+        neighbors.sort_unstable_by(|a, b| {
+            a.distance_squared
+                .total_cmp(&b.distance_squared)
+                .then(a.index.cmp(&b.index))
+        });
+    }
+}
+
 /// The plane halfway to a neighbour.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Bisector {

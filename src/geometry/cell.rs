@@ -128,7 +128,8 @@ impl Cell {
     /// The same where the cell is known to have had edges with the neighbours of
     /// `ring`, counter-clockwise, not long ago: its corners are where the bisectors
     /// of two that follow each other meet, but for few that came or went. `false` if
-    /// that does not lead to a cell within `radius`; `ring` is scratch then.
+    /// that does not lead to a cell within `radius`. What `ring` held
+    /// is lost.
     ///
     /// `neighbors` must hold every other site within twice `radius`.
     pub fn close(
@@ -143,14 +144,17 @@ impl Cell {
         if !self.close_ring(patch, site, &surface, radius, ring) {
             return false;
         }
-        // What else can cut off a corner.
+        // What else can cut off a corner, in an order that does not depend on the caller's.
         let security = self.security_squared();
         let is_other = |neighbor: &&Neighbor| {
             neighbor.distance_squared <= security
                 && neighbor.distance_squared > 0.0
-                && ring.iter().all(|edge| edge.index != neighbor.index)
+                && self.neighbors().all(|edge| edge != neighbor.index)
         };
-        for neighbor in neighbors.iter().filter(is_other) {
+        ring.clear();
+        ring.extend(neighbors.iter().filter(is_other));
+        Neighbor::sort(ring);
+        for neighbor in &*ring {
             self.cut_by(neighbor, &Bisector::new(patch, site, neighbor), &surface);
         }
         true

@@ -6,9 +6,9 @@ use super::{
     Options, Restriction, Scan, SeedRule,
     acceleration::{LINKS, linked},
     fit::{DOMAIN_RADIUS, Fit, Samples},
-    neighborhoods::{NEAR, Neighborhoods, bounds, neighbor, sort},
+    neighborhoods::{NEAR, Neighborhoods, bounds, neighbor},
 };
-use crate::geometry::{Cell, DOMAIN_SIDES, Local, Moments, Neighbor, Patch};
+use crate::geometry::{Cell, DOMAIN_SIDES, Local, Moments, Neighbor, Patch, Reach};
 
 /// No step brings two sites nearer than this, in spacings, or nearer than they
 /// are. On one surface cells see to it; two sides of a leaf do not know of each
@@ -128,7 +128,7 @@ impl Around<'_> {
     }
 
     /// Clips the cell of the site on the patch of `fit`, looking as far as it
-    /// takes; its moments, if anything is left of it. A cell that neighbours do
+    /// takes; its moments, if anything is left of it. A cell that near neighbours do
     /// not bound all around ends where the scan does, if sites are to keep to it.
     pub(super) fn restricted_cell(
         &mut self,
@@ -138,10 +138,13 @@ impl Around<'_> {
     ) -> Option<Moments> {
         self.look_near();
         if self.was_open || !self.closed_cell(&fit.patch) {
-            self.clipped_cell(&fit.patch);
+            Neighbor::sort(&mut self.scratch.neighbors);
+            self.clipped_cell(&fit.patch, &[DOMAIN_RADIUS * self.spacing; DOMAIN_SIDES]);
             if !self.scratch.cell.is_closed() && options.restriction == Restriction::Local {
-                self.keep_to_the_scan(fit, scan, options);
+                let scanned = fit.scanned(self.place, scan, options, &mut self.scratch.samples);
+                self.clipped_cell(&fit.patch, &scanned);
             }
+            self.clip_on(&fit.patch);
         }
         self.scratch.cell.moments(&fit.patch, self.place)
     }
@@ -165,41 +168,33 @@ impl Around<'_> {
         if !is_nearly_flat(patch, self.spacing) {
             return false;
         }
-        sort(neighbors);
+        Neighbor::sort(neighbors);
         cell.clip_within(patch, self.place, radius, neighbors)
     }
 
-    /// The cell, whatever bounds it.
-    fn clipped_cell(&mut self, patch: &Patch) {
-        let domain = [DOMAIN_RADIUS * self.spacing; DOMAIN_SIDES];
+    /// What the near neighbours, which are sorted, leave of the domain of `reach`.
+    fn clipped_cell(&mut self, patch: &Patch, reach: &Reach) {
         let Scratch {
             cell, neighbors, ..
         } = &mut *self.scratch;
-        sort(neighbors);
-        cell.clip(patch, self.place, &domain, neighbors);
+        cell.clip(patch, self.place, reach, neighbors);
+    }
+
+    /// Clips the cell by those farther than near that could cut it as it is.
+    fn clip_on(&mut self, patch: &Patch) {
         let near = (NEAR * self.spacing).powi(2);
-        let security = cell.security_squared();
+        let security = self.scratch.cell.security_squared();
         if security > near {
-            // Those farther than that which could cut the cell as it is.
             let radius = security.sqrt().min(FAR * self.spacing);
-            let looked_at = neighbors.len();
+            let looked_at = self.scratch.neighbors.len();
             self.look_around(radius, |squared| squared > near);
             let Scratch {
                 cell, neighbors, ..
             } = &mut *self.scratch;
             let far = &mut neighbors[looked_at..];
-            sort(far);
+            Neighbor::sort(far);
             cell.clip_on(patch, self.place, far);
         }
-    }
-
-    /// What of the cell the scan reaches.
-    fn keep_to_the_scan(&mut self, fit: &mut Fit, scan: &Scan, options: &Options) {
-        let scanned = fit.scanned(self.place, scan, options, &mut self.scratch.samples);
-        let Scratch {
-            cell, neighbors, ..
-        } = &mut *self.scratch;
-        cell.clip(&fit.patch, self.place, &scanned, neighbors);
     }
 
     /// All others within [`NEAR`].
@@ -288,7 +283,7 @@ impl Around<'_> {
         } = &mut *self.scratch;
         in_the_way.clear();
         in_the_way.extend(neighbors.iter().filter(is_in_the_way));
-        sort(in_the_way);
+        Neighbor::sort(in_the_way);
         // What leads too near to one is taken off the step, not the step off the
         // site; where two are in the way it is shortened.
         let neighbors = || {

@@ -41,7 +41,7 @@ const SKIN: f64 = 0.4;
 const MANY: usize = 50;
 
 /// Edge of the cells that sites are looked up by, in spacings.
-const CELL: f64 = 0.8;
+const CELL: f64 = 1.6;
 
 /// The sites of a cloud, and what is near each.
 pub(super) struct Neighborhoods {
@@ -225,15 +225,6 @@ pub(super) fn neighbor(place: Local, index: u32, position: Local) -> Neighbor {
     }
 }
 
-/// Nearest first, equally near ones in the order of the sites.
-pub(super) fn sort(neighbors: &mut [Neighbor]) {
-    neighbors.sort_unstable_by(|a, b| {
-        a.distance_squared
-            .total_cmp(&b.distance_squared)
-            .then(a.index.cmp(&b.index))
-    });
-}
-
 impl Lists {
     fn new(places: Vec<Local>, blocks: &[Range<usize>], spacing: f64) -> Self {
         let grid = NeighborGrid::new(&places, CELL * spacing);
@@ -245,18 +236,19 @@ impl Lists {
             grid.visit_box(low - reach, high + reach, |other, place| {
                 around.push((other, place));
             });
-            let mut near: Vec<(f64, u32)> = Vec::new();
+            // A distance that is not negative sorts as its bits do: one word to a site.
+            let mut near: Vec<u64> = Vec::new();
             let (mut counts, mut others) = (Vec::with_capacity(block.len()), Vec::new());
             for site in block.clone() {
                 near.clear();
                 near.extend(around.iter().filter_map(|&(other, place)| {
                     let squared = (place - places[site]).norm_squared();
                     (squared <= radius * radius && other as usize != site)
-                        .then_some((squared, other))
+                        .then(|| u64::from((squared as f32).to_bits()) << 32 | u64::from(other))
                 }));
-                near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+                near.sort_unstable();
                 counts.push(near.len() as u32);
-                others.extend(near.iter().map(|&(_, other)| other));
+                others.extend(near.iter().map(|&word| word as u32));
             }
             (counts, others)
         };
@@ -340,7 +332,7 @@ mod tests {
                             .filter(|n| n.index as usize != own)
                             .collect();
                     }
-                    sort(&mut found);
+                    Neighbor::sort(&mut found);
                     let found: Vec<(f64, u32)> = found
                         .iter()
                         .map(|n| (n.distance_squared, n.index))

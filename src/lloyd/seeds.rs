@@ -19,11 +19,13 @@ use rayon::prelude::*;
 use super::{
     Options, Scan,
     around::Scratch,
-    neighborhoods::{bounds, neighbor, sort},
+    neighborhoods::{bounds, neighbor},
     nodes::Nodes,
     scan::priority,
 };
-use crate::geometry::{AT_ONCE, DOMAIN_SIDES, Local, NeighborGrid, Rect, Stored, cell_of, spread};
+use crate::geometry::{
+    AT_ONCE, DOMAIN_SIDES, Local, Neighbor, NeighborGrid, Rect, Stored, cell_of, spread,
+};
 
 /// Radius of the Poisson-disk election, in spacings.
 ///
@@ -302,7 +304,7 @@ fn area_weighted(scan: &Scan, options: &Options) -> Seeds {
                     neighbors.push(neighbor(site, other, position));
                 }
             });
-            sort(neighbors);
+            Neighbor::sort(neighbors);
             cell.clip(&fit.patch, site, &[radius; DOMAIN_SIDES], neighbors);
             let Some(moments) = cell.moments(&fit.patch, site) else {
                 return Vec::new();

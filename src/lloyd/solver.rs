@@ -304,7 +304,7 @@ impl<'a> Sites<'a> {
     /// to the nearest others, as it met them.
     fn lloyd_step(&mut self, cone: &Cone<'_>, iteration: u32) -> DistanceSums {
         let matters = |site: usize| cone.matters(self.identities[site], iteration);
-        let was_exact: Vec<bool> = self.steps.par_iter().map(|step| step.is_exact).collect();
+        let was_exact = self.are_exact();
         self.steps
             .par_iter_mut()
             .zip(self.neighborhoods.places())
@@ -360,46 +360,49 @@ impl<'a> Sites<'a> {
     /// [`describe`](Self::describe) gives them.
     fn first_step(&mut self, cone: &Cone<'_>) -> Vec<Site> {
         let (scan, options, domain) = (self.scan, self.options, self.domain);
-        let identities = &self.identities;
-        let was_exact: Vec<bool> = self.steps.iter().map(|step| step.is_exact).collect();
-        let mut found = vec![None; self.steps.len()];
-        by_block(
-            &mut self.steps,
-            &mut found,
-            &self.neighborhoods,
-            options,
-            |step, found, mut around| {
-                let moments = step.clip(scan, options, &mut around);
-                let identity = identities[around.site];
-                if domain.wants(identity) {
-                    *found = Some(site(identity, step, moments, &mut around));
-                }
-                step.go(moments, scan, options, cone, &was_exact, around);
-            },
-        );
-        sorted(found)
+        let was_exact = self.are_exact();
+        self.figures(|step, identity, mut around| {
+            let moments = step.clip(scan, options, &mut around);
+            let wanted = domain.wants(identity);
+            let site = wanted.then(|| site(identity, step, moments, &mut around));
+            step.go(moments, scan, options, cone, &was_exact, around);
+            site
+        })
     }
 
     /// The sites of core and band as they are, with the figures of their
     /// cells, in the order of their identities.
     fn describe(&mut self) -> Vec<Site> {
         let (scan, options, domain) = (self.scan, self.options, self.domain);
-        let identities = &self.identities;
+        self.figures(|step, identity, mut around| {
+            domain.wants(identity).then(|| {
+                let moments = step.clip(scan, options, &mut around);
+                site(identity, step, moments, &mut around)
+            })
+        })
+    }
+
+    /// What `figure` tells of the sites, in the order of their identities.
+    fn figures(
+        &mut self,
+        figure: impl Fn(&mut Step, Stored, Around<'_>) -> Option<Site> + Sync,
+    ) -> Vec<Site> {
         let mut found = vec![None; self.steps.len()];
         by_block(
             &mut self.steps,
             &mut found,
             &self.neighborhoods,
-            options,
-            |step, found, mut around| {
-                let identity = identities[around.site];
-                if domain.wants(identity) {
-                    let moments = step.clip(scan, options, &mut around);
-                    *found = Some(site(identity, step, moments, &mut around));
-                }
-            },
+            self.options,
+            |step, found, around| *found = figure(step, self.identities[around.site], around),
         );
-        sorted(found)
+        let mut sites: Vec<Site> = found.into_par_iter().flatten().collect();
+        sites.par_sort_unstable_by_key(|site| site.identity);
+        sites
+    }
+
+    /// Which sites are exact.
+    fn are_exact(&self) -> Vec<bool> {
+        self.steps.par_iter().map(|step| step.is_exact).collect()
     }
 }
 
@@ -427,13 +430,6 @@ fn site(
         energy: moments.map_or(0.0, |m| m.energy),
         nearest: nearest.unwrap_or(f64::INFINITY),
     }
-}
-
-/// Those that were `found`, in the order of their identities.
-fn sorted(found: Vec<Option<Site>>) -> Vec<Site> {
-    let mut sites: Vec<Site> = found.into_par_iter().flatten().collect();
-    sites.par_sort_unstable_by_key(|site| site.identity);
-    sites
 }
 
 /// Calls `work` for every site, with its place in `results`, in parallel by blocks.
