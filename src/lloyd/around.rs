@@ -100,6 +100,9 @@ pub(super) struct Around<'a> {
     pub(super) links: [u32; LINKS],
     /// Whether they did not bound it all around.
     pub(super) was_open: bool,
+    /// Whether far neighbours may close the cell before the scan ends it: for figures, from
+    /// which no large cell may be missing.
+    pub(super) asks_far: bool,
     pub(super) scratch: &'a mut Scratch,
 }
 
@@ -128,8 +131,9 @@ impl Around<'_> {
     }
 
     /// Clips the cell of the site on the patch of `fit`, looking as far as it
-    /// takes; its moments, if anything is left of it. A cell that near neighbours do
-    /// not bound all around ends where the scan does, if sites are to keep to it.
+    /// takes; its moments, if anything is left of it. A cell that neighbours do not
+    /// bound all around ends where the scan does, if sites are to keep to it: near ones,
+    /// unless far ones are asked.
     pub(super) fn restricted_cell(
         &mut self,
         fit: &mut Fit,
@@ -140,11 +144,16 @@ impl Around<'_> {
         if self.was_open || !self.closed_cell(&fit.patch) {
             Neighbor::sort(&mut self.scratch.neighbors);
             self.clipped_cell(&fit.patch, &[DOMAIN_RADIUS * self.spacing; DOMAIN_SIDES]);
+            if self.asks_far {
+                self.clip_on(&fit.patch);
+            }
             if !self.scratch.cell.is_closed() && options.restriction == Restriction::Local {
                 let scanned = fit.scanned(self.place, scan, options, &mut self.scratch.samples);
                 self.clipped_cell(&fit.patch, &scanned);
             }
-            self.clip_on(&fit.patch);
+            if !self.asks_far {
+                self.clip_on(&fit.patch);
+            }
         }
         self.scratch.cell.moments(&fit.patch, self.place)
     }
@@ -172,7 +181,7 @@ impl Around<'_> {
         cell.clip_within(patch, self.place, radius, neighbors)
     }
 
-    /// What the near neighbours, which are sorted, leave of the domain of `reach`.
+    /// What the neighbours, which are sorted, leave of the domain of `reach`.
     fn clipped_cell(&mut self, patch: &Patch, reach: &Reach) {
         let Scratch {
             cell, neighbors, ..

@@ -393,7 +393,10 @@ impl<'a> Sites<'a> {
             &mut found,
             &self.neighborhoods,
             self.options,
-            |step, found, around| *found = figure(step, self.identities[around.site], around),
+            |step, found, mut around| {
+                around.asks_far = true;
+                *found = figure(step, self.identities[around.site], around);
+            },
         );
         let mut sites: Vec<Site> = found.into_par_iter().flatten().collect();
         sites.par_sort_unstable_by_key(|site| site.identity);
@@ -466,6 +469,7 @@ fn by_block<T: Send>(
                     block: block.clone(),
                     links: step.links,
                     was_open: step.is_open,
+                    asks_far: false,
                     scratch,
                 };
                 work(step, result, around);
