@@ -197,7 +197,7 @@ impl Look<'_> {
         let scale = self.lattice.scale;
         let all = || before.iter().chain(&after);
         let mut heights: Vec<i32> = all().map(|(point, _)| point.z).collect();
-        heights.sort_unstable();
+        heights.par_sort_unstable();
         let [Some(&lowest), Some(&highest)] = [heights.first(), heights.last()] else {
             return Excerpt::default();
         };
@@ -207,8 +207,8 @@ impl Look<'_> {
         let side = square.max[0] - square.min[0];
         let step = side.max(above(highest)) as f64 / f64::from(u16::MAX);
         let mut intensities: Vec<u16> = all().map(|(_, looks)| looks.intensity).collect();
-        intensities.sort_unstable();
-        let strong = f64::from(intensities[intensities.len() * 99 / 100].max(1));
+        let high = intensities.len() * 99 / 100;
+        let strong = f64::from((*intensities.select_nth_unstable(high).1).max(1));
         let brightest = all()
             .map(|(_, looks)| looks.brightness())
             .max()
@@ -227,7 +227,7 @@ impl Look<'_> {
         };
         let sorted = |mut points: Vec<ShownPoint>| {
             // Neighbours together: what is alike is packed well.
-            points.sort_unstable_by_key(|shown| {
+            points.par_sort_unstable_by_key(|shown| {
                 let [x, y, z] = shown.place;
                 (x >> 10, y >> 10, z >> 7, x, y, z)
             });

@@ -185,7 +185,8 @@ pub(super) fn uniformity(sites: &[Site], core: &Rect, spacing: f64) -> Uniformit
 /// From an even choice of the input's points in the core to the nearest site.
 fn coverage(scan: &Scan, sites: &[Site], core: &Rect, spacing: f64) -> DistanceTally {
     let positions: Vec<Local> = sites.iter().map(|site| site.position).collect();
-    let grid = NeighborGrid::new(&positions, spacing);
+    // Hardly any point is farther from a site.
+    let grid = NeighborGrid::new(&positions, 0.7 * spacing);
     let mut tally = DistanceTally::new(spacing);
     let points = scan.representatives();
     let to_site = |&point: &Stored| {

@@ -213,21 +213,24 @@ pub(super) fn sorted_by_cell(
     grid: CellGrid,
     record_length: usize,
 ) -> Batch {
-    let mut order: Vec<(CellKey, u32)> = records
-        .chunks_exact(record_length)
-        .zip(0..)
-        .map(|(record, place)| (grid.cell(Stored::of_record(record)), place))
-        .collect();
     // Scanners sweep: most neighbours in time are in one cell already.
-    order.sort_unstable();
+    let mut runs: Vec<(CellKey, usize, usize)> = Vec::new();
+    for (record, place) in records.chunks_exact(record_length).zip(0..) {
+        let cell = grid.cell(Stored::of_record(record));
+        match runs.last_mut() {
+            Some((last, _, end)) if *last == cell => *end = place + 1,
+            _ => runs.push((cell, place, place + 1)),
+        }
+    }
+    runs.sort_unstable();
     let mut sorted = Vec::with_capacity(records.len());
     let mut cells: Vec<(CellKey, u32)> = Vec::new();
-    for (cell, place) in order {
-        let start = place as usize * record_length;
-        sorted.extend_from_slice(&records[start..start + record_length]);
+    for (cell, start, end) in runs {
+        sorted.extend_from_slice(&records[start * record_length..end * record_length]);
+        let points = (end - start) as u32;
         match cells.last_mut() {
-            Some((last, count)) if *last == cell => *count += 1,
-            _ => cells.push((cell, 1)),
+            Some((last, count)) if *last == cell => *count += points,
+            _ => cells.push((cell, points)),
         }
     }
     Batch {
