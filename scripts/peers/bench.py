@@ -11,8 +11,9 @@ import time
 from pathlib import Path
 
 COUNT, SMALL_COUNT = 100_000, 10_000
-# At this distance (in m) CloudCompare leaves of the street about as many points.
-CLOUDCOMPARE_SPACING = 0.1905
+# At this distance (in m) CloudCompare leaves of the street about as many points, and with this
+# spacing lloydar makes as many: neither has to search for them.
+CLOUDCOMPARE_SPACING, SPACING = 0.1905, 0.2287
 
 
 def read(folder):
@@ -114,9 +115,9 @@ def simulated(program, work, points, *more):
     return folder
 
 
-def lloydar(program, folder, work, count):
+def lloydar(program, folder, work, *asked):
     output = str(work / "lloydar.laz")
-    return [program, "run", str(folder), "-o", output, "--count", str(count), "--overwrite"]
+    return [program, "run", str(folder), "-o", output, *map(str, asked), "--overwrite"]
 
 
 def compare(title, commands, rounds):
@@ -144,7 +145,10 @@ def main():
         return
     program, work, rounds = sys.argv[1], Path(sys.argv[2]), int(sys.argv[3])
     street = simulated(program, work, 5_000_000)
-    commands = {"lloydar": lloydar(program, street, work, COUNT)}
+    commands = {
+        "lloydar": lloydar(program, street, work, "--count", COUNT),
+        "lloydar by spacing": lloydar(program, street, work, "--spacing", SPACING),
+    }
     for name in PEERS:
         if is_here(name):
             output = str(work / f"{name}.laz")
@@ -159,7 +163,7 @@ def main():
             raw = work / "street.xyz"
             read(scanned).astype("float64").tofile(raw)
             commands = {
-                "lloydar": lloydar(program, scanned, work, count),
+                "lloydar": lloydar(program, scanned, work, "--count", count),
                 "CGAL WLOP": [str(wlop), str(raw), str(work / "wlop.xyz"), str(count)],
             }
             compare(f"Street, {points} points, to {count}", commands, max(1, rounds // 3))
