@@ -198,7 +198,7 @@ pub fn solve(scan: &Scan, domain: &Domain, options: &Options) -> Solution {
 
 /// Of the time that [`solve`] takes, what passes until the seeds are elected and described,
 /// about.
-const ELECTION_SHARE: f64 = 0.41;
+const ELECTION_SHARE: f64 = 0.48;
 
 /// As [`solve`]; `watch` is told now and then what share of the work is done, about.
 pub fn solve_watched(

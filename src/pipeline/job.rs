@@ -47,10 +47,10 @@ const PORTRAIT: Picture = Picture {
 
 /// Seconds that come after the tiles are solved: for a million points of the output to be
 /// stitched, written and sorted, and for a look at them.
-const STITCH_SECONDS: f64 = 0.6;
-const WRITE_SECONDS: f64 = 1.2;
-const SORT_SECONDS: f64 = 1.5;
-const LOOK_SECONDS: f64 = 0.4;
+const STITCH_SECONDS: f64 = 0.2;
+const WRITE_SECONDS: f64 = 0.5;
+const SORT_SECONDS: f64 = 0.7;
+const LOOK_SECONDS: f64 = 0.2;
 
 /// A job to be done.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -58,8 +58,8 @@ impl JobPlan {
 
 /// Seconds for a million points to be decoded and spilled, and for a million
 /// seeds to be moved once, on one core: rough, for the estimate of a plan.
-const SCATTER_SECONDS: f64 = 0.9;
-const STEP_SECONDS: f64 = 6.0;
+const SCATTER_SECONDS: f64 = 0.7;
+const STEP_SECONDS: f64 = 3.2;
 /// A tile may have more seeds to its points than the mean.
 const SEEDS_TO_SPARE: f64 = 1.25;
 /// Points that are held to see how many of them are kept.
