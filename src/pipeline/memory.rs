@@ -69,7 +69,7 @@ const VOXELS_PER_SEED: f64 = 12.0;
 const FILLING_PER_SEED: f64 = 4.0;
 /// Memory for each seed of a tile: states, steps, answers to moves, histories.
 const PER_SEED: f64 = 900.0;
-/// The allocator does not give everything back at once. With the costs above and 0.85 eleven runs of
+/// The allocator does not give everything back at once. With the costs above and 0.85 fifteen runs of
 /// the demo's job, whose three tiles just fit, held 68 to 93 % of 256 MiB at their peaks.
 const USABLE: f64 = 0.8;
 /// No tile costs more than this, whatever the budget: a tile is what a stopped job
