@@ -4,13 +4,12 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use lloydar::{
-    geometry::{Cell, DOMAIN_SIDES, Lattice, Local, Neighbor, Patch, PatchKind, Stored},
-    lloyd::{Domain, Options, Scan, solve},
-    simulate::{Street, StreetOptions},
+use lloydar::internals::{
+    BOUNDING_SIDES, Cell, Local, Neighbor, Patch, PatchKind, Quantization, Scan, SolverOptions,
+    Stored, Street, StreetOptions, TileRegion, solve,
 };
 
-const LATTICE: Lattice = Lattice {
+const QUANTIZATION: Quantization = Quantization {
     scale: 1e-5,
     offset: [0.0; 3],
 };
@@ -28,18 +27,20 @@ fn sheet(n: u64) -> Vec<Stored> {
         .map(|_| {
             let (x, y) = (2.0 * roll(), 2.0 * roll());
             let z = 0.1 * (5.0 * x).sin() * (4.0 * y).cos();
-            LATTICE.quantise([x, y, z]).expect("the sheet is small")
+            QUANTIZATION
+                .quantise([x, y, z])
+                .expect("the sheet is small")
         })
         .collect()
 }
 
 fn benches(criterion: &mut Criterion) {
     let points = sheet(200_000);
-    let options = Options {
+    let options = SolverOptions {
         iterations: 1,
-        ..Options::new(0.022)
+        ..SolverOptions::new(0.022)
     };
-    let scan = || Scan::new(points.clone(), LATTICE, &options);
+    let scan = || Scan::new(points.clone(), QUANTIZATION, &options);
 
     let mut group = criterion.benchmark_group("tile");
     group.sample_size(10);
@@ -47,14 +48,14 @@ fn benches(criterion: &mut Criterion) {
     group.bench_function("scan", |b| b.iter(|| black_box(scan())));
     let ready = scan();
     group.bench_function("one iteration, seeds and figures", |b| {
-        b.iter(|| black_box(solve(&ready, &Domain::everything(), &options)));
+        b.iter(|| black_box(solve(&ready, &TileRegion::everything(), &options)));
     });
     group.finish();
 
     let near: Vec<Local> = points
         .iter()
         .take(50)
-        .map(|&p| LATTICE.local(p) * 0.01)
+        .map(|&p| QUANTIZATION.local(p) * 0.01)
         .collect();
     criterion.bench_function("fit of a patch to 50 samples", |b| {
         b.iter(|| black_box(Patch::fit(near[0], &near, 0.03, PatchKind::Quadratic)));
@@ -83,14 +84,17 @@ fn street(criterion: &mut Criterion) {
                 .fold(from, |bound, place| pick(bound, place[axis]))
         })
     };
-    let lattice = Lattice::around(bound(f64::min, f64::MAX), bound(f64::max, f64::MIN), 0.0005);
-    let stored = places.iter().filter_map(|&place| lattice.quantise(place));
-    let options = Options::new(0.2287);
-    let scan = Scan::new(stored.collect(), lattice, &options);
+    let quantization =
+        Quantization::around(bound(f64::min, f64::MAX), bound(f64::max, f64::MIN), 0.0005);
+    let stored = places
+        .iter()
+        .filter_map(|&place| quantization.quantise(place));
+    let options = SolverOptions::new(0.2287);
+    let scan = Scan::new(stored.collect(), quantization, &options);
     let seeds = solve(
         &scan,
-        &Domain::everything(),
-        &Options {
+        &TileRegion::everything(),
+        &SolverOptions {
             iterations: 0,
             ..options
         },
@@ -101,12 +105,12 @@ fn street(criterion: &mut Criterion) {
     group.sample_size(10);
     group.throughput(Throughput::Elements(20 * seeds.len() as u64));
     for iterations in [1, 21] {
-        let options = Options {
+        let options = SolverOptions {
             iterations,
             ..options
         };
         group.bench_function(format!("{iterations} iterations"), |b| {
-            b.iter(|| black_box(solve(&scan, &Domain::everything(), &options)));
+            b.iter(|| black_box(solve(&scan, &TileRegion::everything(), &options)));
         });
     }
     group.finish();
@@ -140,7 +144,7 @@ fn cells(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("cell");
     let mut cell = Cell::new();
     group.bench_function("clipped from its domain", |b| {
-        b.iter(|| cell.clip(&patch, site, &[1.0; DOMAIN_SIDES], black_box(&neighbors)));
+        b.iter(|| cell.clip(&patch, site, &[1.0; BOUNDING_SIDES], black_box(&neighbors)));
     });
     let links: Vec<u32> = cell.neighbors().collect();
     let is_linked = |link: &u32| neighbors.iter().find(|n| n.index == *link).copied();

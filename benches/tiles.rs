@@ -4,12 +4,9 @@
 use std::{hint::black_box, path::Path, sync::atomic::AtomicBool};
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use lloydar::{
-    geometry::{Local, Rect, Stored},
-    tile::{
-        CellGrid, Guest, Opener, PointCounts, ScatterOptions, SeamTally, SolvedSite, Source,
-        SourceError, Spill, blend, scatter,
-    },
+use lloydar::internals::{
+    CellGrid, Guest, Local, Opener, PointCounts, Rect, ScatterOptions, SeamTally, SolvedSite,
+    Source, SourceError, Spill, Stored, blend, scatter,
 };
 
 const RECORD: usize = 36;

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! A **survey** reads headers only, and puts the run on one scale and offset
-//! ([`geometry::Lattice`]). **Scatter** decodes every file once ([`las`]) and
+//! ([`geometry::Quantization`]). **Scatter** decodes every file once ([`las`]) and
 //! appends each point to the spill of its cell, a square of a grid of integers
 //! ([`tile`]). Now the true counts are known, and the **plan** cuts the plane
 //! into tiles whose points fit the memory budget together with a *halo* of their
@@ -25,30 +25,69 @@
 //! not there. The **report** ([`report`]) says how uniform, how faithful and
 //! how seamless the result is ([`quality`]).
 //!
-//! [`pipeline`] runs the stages within threads and memory, and goes on where an
+//! [`job`] runs the stages within threads and memory, and goes on where an
 //! earlier run stopped; [`config`] says what was asked for; [`simulate`] makes a
 //! street with known surfaces to try everything on, [`picture`] draws what came out.
 //!
 //! Layers, dependencies only downwards:
 //!
 //! ```text
-//!   application   config  pipeline  report  (and the binary)
+//!   application   config  job  report  cli
 //!   files         las  tile
 //!   numbers       geometry  lloyd  quality  simulate  picture
 //! ```
 
-pub mod config;
-pub mod geometry;
-pub mod las;
-pub mod lloyd;
-pub mod picture;
-pub mod pipeline;
-pub mod quality;
-pub mod report;
-pub mod simulate;
-pub mod tile;
+#![cfg_attr(
+    not(feature = "formats"),
+    expect(
+        dead_code,
+        reason = "the job on files uses more of the solver than the library alone"
+    )
+)]
 
-/// The example of the tour is compiled.
-#[cfg(doctest)]
-#[doc = include_str!("../docs/TOUR.md")]
-struct Tour;
+#[cfg(feature = "cli")]
+#[doc(hidden)]
+pub mod cli;
+#[cfg(feature = "formats")]
+mod config;
+mod geometry;
+#[cfg(feature = "formats")]
+mod job;
+#[cfg(feature = "formats")]
+mod las;
+mod lloyd;
+#[cfg(feature = "formats")]
+mod picture;
+mod quality;
+#[cfg(feature = "report")]
+mod report;
+#[cfg(feature = "formats")]
+mod simulate;
+#[cfg(feature = "formats")]
+mod tile;
+
+#[cfg(feature = "formats")]
+pub use job::{Job, Progress, Quiet, Standing, Unit};
+
+/// What the benches and tests of this crate look at; nothing of it is stable.
+#[cfg(feature = "formats")]
+#[doc(hidden)]
+pub mod internals {
+    pub use crate::{
+        geometry::{
+            BOUNDING_SIDES, Cell, Local, Moments, Neighbor, NeighborGrid, Patch, PatchKind,
+            Quantization, Rect, Stored,
+        },
+        las::{LasError, PlyFile, PlyStream},
+        lloyd::{
+            AREA_PER_SEED, Acceleration, DistanceSums, Restriction, Scan, SeedRule, Site, Solution,
+            SolverOptions, TileRegion, describe_places, elect, solve,
+        },
+        quality::{CellFigures, DistanceFigures, DistanceTally, Uniformity, UniformityTally},
+        simulate::{SimulatedPoint, Street, StreetOptions},
+        tile::{
+            CellGrid, Guest, Opener, PointCounts, ScatterOptions, SeamTally, SolvedSite, Source,
+            SourceError, Spill, TileError, blend, scatter,
+        },
+    };
+}

@@ -1,9 +1,7 @@
-//! The command line of lloydar: the only place that prints and exits.
-
-mod cli;
+//! The command line of lloydar.
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    cli::main()
+    lloydar::cli::main()
 }

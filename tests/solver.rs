@@ -2,13 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-use lloydar::{
-    geometry::{Lattice, Local, PatchKind, Rect, Stored},
-    lloyd::{Acceleration, Domain, Options, Restriction, Scan, SeedRule, Site, Solution, solve},
-    quality::{CellFigures, Uniformity, UniformityTally},
+use lloydar::internals::{
+    Acceleration, CellFigures, Local, PatchKind, Quantization, Rect, Restriction, Scan, SeedRule,
+    Site, Solution, SolverOptions, Stored, TileRegion, Uniformity, UniformityTally, solve,
 };
 
-const LATTICE: Lattice = Lattice {
+const QUANTIZATION: Quantization = Quantization {
     scale: 1e-6,
     offset: [0.0; 3],
 };
@@ -33,7 +32,7 @@ fn sphere(n: usize) -> Vec<Stored> {
             let z = 2.0 * dice.roll() - 1.0;
             let turn = std::f64::consts::TAU * dice.roll();
             let r = (1.0 - z * z).sqrt();
-            LATTICE
+            QUANTIZATION
                 .quantise([r * turn.cos(), r * turn.sin(), z])
                 .unwrap()
         })
@@ -46,7 +45,7 @@ fn sheet(n: usize) -> Vec<Stored> {
     (0..n)
         .map(|_| {
             let (x, y) = (2.0 * dice.roll(), 2.0 * dice.roll());
-            LATTICE
+            QUANTIZATION
                 .quantise([x, y, 0.1 * (5.0 * x).sin() * (4.0 * y).cos()])
                 .unwrap()
         })
@@ -62,7 +61,7 @@ fn crease(n: usize, noise: f64) -> Vec<Stored> {
             let (away, y) = (dice.roll(), 2.0 * dice.roll());
             let off = noise * (2.0 * dice.roll() - 1.0);
             let (x, z) = if i % 2 == 0 { (away, off) } else { (off, away) };
-            LATTICE.quantise([x, y, z]).unwrap()
+            QUANTIZATION.quantise([x, y, z]).unwrap()
         })
         .collect()
 }
@@ -72,14 +71,14 @@ fn spacing(area: f64, n: f64) -> f64 {
     (2.0 * area / n / 3.0_f64.sqrt()).sqrt()
 }
 
-fn run(points: Vec<Stored>, domain: &Domain, options: &Options) -> Solution {
-    let scan = Scan::new(points, LATTICE, options);
+fn run(points: Vec<Stored>, domain: &TileRegion, options: &SolverOptions) -> Solution {
+    let scan = Scan::new(points, QUANTIZATION, options);
     solve(&scan, domain, options)
 }
 
 fn uniformity(sites: &[Site], delta_of: &Solution, spacing: f64) -> (Uniformity, f64) {
     let mut tally = UniformityTally::new(spacing);
-    for site in sites.iter().filter(|s| s.is_closed && !s.is_held) {
+    for site in sites.iter().filter(|s| s.is_closed && !s.is_fixed) {
         tally.push_cell(CellFigures {
             area: site.area,
             energy: site.energy,
@@ -93,7 +92,7 @@ fn uniformity(sites: &[Site], delta_of: &Solution, spacing: f64) -> (Uniformity,
     let mean = last.sum / last.count as f64;
     let area: f64 = sites
         .iter()
-        .filter(|s| s.is_closed && !s.is_held)
+        .filter(|s| s.is_closed && !s.is_fixed)
         .map(|s| s.area)
         .sum();
     let hexagonal = (2.0 * area / figures.cells as f64 / 3.0_f64.sqrt()).sqrt();
@@ -108,9 +107,9 @@ struct Bars {
     packing: f64,
 }
 
-fn check_sphere(options: &Options, bars: &Bars) -> Uniformity {
+fn check_sphere(options: &SolverOptions, bars: &Bars) -> Uniformity {
     let four_pi = 4.0 * std::f64::consts::PI;
-    let solution = run(sphere(300_000), &Domain::everything(), options);
+    let solution = run(sphere(300_000), &TileRegion::everything(), options);
     let (figures, packing) = uniformity(&solution.sites, &solution, options.spacing);
     let delta = solution.convergence.last().unwrap().delta();
     let said = format!("{options:?}: {figures:?}, packing {packing}, delta {delta}");
@@ -142,10 +141,10 @@ fn a_sphere_becomes_as_even_as_promised() {
         packing: 0.90,
     };
     for acceleration in [Acceleration::Relaxation, Acceleration::Anderson] {
-        let options = Options {
+        let options = SolverOptions {
             acceleration,
             seeds: SeedRule::Poisson,
-            ..Options::new(h)
+            ..SolverOptions::new(h)
         };
         check_sphere(&options, &bars);
     }
@@ -156,7 +155,7 @@ fn a_sphere_becomes_as_even_as_promised() {
         delta: 0.048,
         packing: 0.95,
     };
-    let figures = check_sphere(&Options::new(h), &bars);
+    let figures = check_sphere(&SolverOptions::new(h), &bars);
     assert!(figures.six_neighbors >= 0.90, "{figures:?}");
 }
 
@@ -170,13 +169,13 @@ fn every_rule_and_acceleration_ends_more_even_than_it_began() {
             Acceleration::Anderson,
             Acceleration::AndersonGlobal,
         ] {
-            let options = Options {
+            let options = SolverOptions {
                 seeds,
                 acceleration,
                 seeds_per_point: 0.04,
-                ..Options::new(h)
+                ..SolverOptions::new(h)
             };
-            let solution = run(sheet(100_000), &Domain::everything(), &options);
+            let solution = run(sheet(100_000), &TileRegion::everything(), &options);
             let (before, _) = uniformity(&solution.seeds, &solution, h);
             let (after, _) = uniformity(&solution.sites, &solution, h);
             assert!(
@@ -193,30 +192,30 @@ fn every_rule_and_acceleration_ends_more_even_than_it_began() {
 #[test]
 fn the_hexagonal_lattice_is_a_fixed_point() {
     let h = 0.02;
-    let lattice: Vec<Stored> = (-40..40)
+    let quantization: Vec<Stored> = (-40..40)
         .flat_map(|i| (-40..40).map(move |j| (f64::from(i), f64::from(j))))
         .map(|(i, j)| {
-            LATTICE
+            QUANTIZATION
                 .quantise([h * (i + 0.5 * j), h * j * 0.75_f64.sqrt(), 0.0])
                 .unwrap()
         })
         .collect();
     // All points are farther apart than the election's radius: all are seeds.
-    let options = Options {
+    let options = SolverOptions {
         fit_radius: 2.2 * h,
         iterations: 5,
-        ..Options::new(h)
+        ..SolverOptions::new(h)
     };
-    let solution = run(lattice.clone(), &Domain::everything(), &options);
-    assert_eq!(solution.sites.len(), lattice.len());
+    let solution = run(quantization.clone(), &TileRegion::everything(), &options);
+    assert_eq!(solution.sites.len(), quantization.len());
     let still = |site: &&Site| {
-        let start = LATTICE.local(site.identity);
+        let start = QUANTIZATION.local(site.identity);
         start.norm() < 0.3 && (site.position - start).norm() < 1e-4 * h
     };
     let inside = solution
         .sites
         .iter()
-        .filter(|s| LATTICE.local(s.identity).norm() < 0.3);
+        .filter(|s| QUANTIZATION.local(s.identity).norm() < 0.3);
     assert_eq!(solution.sites.iter().filter(still).count(), inside.count());
 }
 
@@ -224,11 +223,11 @@ fn the_hexagonal_lattice_is_a_fixed_point() {
 fn without_the_boundary_restriction_sites_drift_from_the_border() {
     let h = 0.05;
     let beyond = |restriction| {
-        let options = Options {
+        let options = SolverOptions {
             restriction,
-            ..Options::new(h)
+            ..SolverOptions::new(h)
         };
-        let solution = run(sheet(60_000), &Domain::everything(), &options);
+        let solution = run(sheet(60_000), &TileRegion::everything(), &options);
         solution
             .sites
             .iter()
@@ -250,11 +249,11 @@ fn without_the_boundary_restriction_sites_drift_from_the_border() {
 fn planes_are_fitted_where_they_are_asked_for() {
     let h = spacing(4.0 * std::f64::consts::PI, 600.0);
     let off = |patch| {
-        let options = Options {
+        let options = SolverOptions {
             patch,
-            ..Options::new(h)
+            ..SolverOptions::new(h)
         };
-        let solution = run(sphere(40_000), &Domain::everything(), &options);
+        let solution = run(sphere(40_000), &TileRegion::everything(), &options);
         solution
             .sites
             .iter()
@@ -270,12 +269,12 @@ fn planes_are_fitted_where_they_are_asked_for() {
 #[test]
 fn edges_are_rounded_less_than_half_as_much_as_by_planes() {
     let off_the_edge = |patch: PatchKind| {
-        let options = Options {
+        let options = SolverOptions {
             patch,
-            ..Options::new(0.05)
+            ..SolverOptions::new(0.05)
         };
         let scan = crease(60_000, 0.002);
-        let sites = run(scan, &Domain::everything(), &options).sites;
+        let sites = run(scan, &TileRegion::everything(), &options).sites;
         let near: Vec<f64> = sites
             .iter()
             .map(|site| site.position)
@@ -298,13 +297,13 @@ fn edges_are_rounded_less_than_half_as_much_as_by_planes() {
 #[test]
 fn a_tile_that_sees_enough_has_the_bits_of_the_whole() {
     let h = spacing(4.3, 30_000.0);
-    let options = Options {
+    let options = SolverOptions {
         iterations: 12,
-        ..Options::new(h)
+        ..SolverOptions::new(h)
     };
-    let whole = run(sheet(400_000), &Domain::everything(), &options);
+    let whole = run(sheet(400_000), &TileRegion::everything(), &options);
     let middle = 1_000_000;
-    let halo = LATTICE.units(options.halo());
+    let halo = QUANTIZATION.units(options.halo());
     for (from, to) in [(-10, middle), (middle, 2_000_010)] {
         let core = Rect {
             min: [from, -10],
@@ -316,10 +315,10 @@ fn a_tile_that_sees_enough_has_the_bits_of_the_whole() {
             .filter(|&p| known.contains(p))
             .collect();
         assert!(seen.len() < 320_000);
-        let domain = Domain {
+        let domain = TileRegion {
             known,
             core,
-            band: LATTICE.units(3.0 * h),
+            band: QUANTIZATION.units(3.0 * h),
         };
         let part = run(seen, &domain, &options);
         let mut compared = 0;
@@ -355,7 +354,7 @@ fn degenerate_scans_are_survived() {
         })
         .collect();
     for (points, least) in [(line, 20), (equal, 1), (grid, 300), (Vec::new(), 0)] {
-        let solution = run(points, &Domain::everything(), &Options::new(0.04));
+        let solution = run(points, &TileRegion::everything(), &SolverOptions::new(0.04));
         assert!(solution.sites.len() >= least);
         assert!(
             solution
@@ -371,15 +370,15 @@ fn a_scan_of_noise_keeps_its_seeds() {
     let mut dice = Dice(5);
     let fog: Vec<Stored> = (0..30_000)
         .map(|_| {
-            LATTICE
+            QUANTIZATION
                 .quantise([dice.roll(), dice.roll(), dice.roll()])
                 .unwrap()
         })
         .collect();
-    let solution = run(fog, &Domain::everything(), &Options::new(0.1));
+    let solution = run(fog, &TileRegion::everything(), &SolverOptions::new(0.1));
     // Where nothing is a surface, nothing may move.
-    let moved = |s: &&Site| (s.position - LATTICE.local(s.identity)).norm() > 1e-12;
-    let held = solution.sites.iter().filter(|s| s.is_held).count();
+    let moved = |s: &&Site| (s.position - QUANTIZATION.local(s.identity)).norm() > 1e-12;
+    let held = solution.sites.iter().filter(|s| s.is_fixed).count();
     assert!(
         held * 10 > solution.sites.len() * 7,
         "{held} of {}",
@@ -389,7 +388,7 @@ fn a_scan_of_noise_keeps_its_seeds() {
         solution
             .sites
             .iter()
-            .filter(|s| s.is_held)
+            .filter(|s| s.is_fixed)
             .filter(moved)
             .count()
             * 4

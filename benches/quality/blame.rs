@@ -3,7 +3,7 @@
 
 use std::{fmt::Write as _, path::Path};
 
-use lloydar::lloyd::{Domain, Site, solve};
+use lloydar::internals::{Site, TileRegion, solve};
 
 use crate::{
     clouds::Cloud,
@@ -20,7 +20,7 @@ pub(crate) fn draw(cloud: &Cloud, path: &Path) {
     let options = Method::Ours.options(cloud, methods::spacing(cloud, Method::Ours));
     let solution = solve(
         &methods::scan(cloud, &options),
-        &Domain::everything(),
+        &TileRegion::everything(),
         &options,
     );
     let known = |site: &&Site| site.nearest.is_finite();

@@ -7,11 +7,7 @@ use std::{
     sync::Arc,
 };
 
-use lloydar::{
-    geometry::{Lattice, Local, Stored},
-    las::PlyFile,
-    simulate::{Street, StreetOptions},
-};
+use lloydar::internals::{Local, PlyFile, Quantization, Stored, Street, StreetOptions};
 
 /// Distance from a place (world coordinates) to the true surface, or to its
 /// nearest edge.
@@ -21,7 +17,7 @@ pub(crate) type Truth = Box<dyn Fn([f64; 3]) -> f64 + Sync>;
 pub(crate) struct Cloud {
     pub(crate) name: String,
     pub(crate) points: Vec<Stored>,
-    pub(crate) lattice: Lattice,
+    pub(crate) quantization: Quantization,
     pub(crate) count: usize,
     pub(crate) truth: Option<Truth>,
     pub(crate) edge: Option<Truth>,
@@ -126,15 +122,15 @@ fn bumps(d: Local) -> (f64, Local) {
 }
 
 fn cloud(name: impl Into<String>, places: &[Local], count: usize, truth: Truth) -> Cloud {
-    let lattice = Lattice {
+    let quantization = Quantization {
         scale: 1e-6,
         offset: [0.0; 3],
     };
-    let stored = |&place: &Local| lattice.stored(place);
+    let stored = |&place: &Local| quantization.stored(place);
     Cloud {
         name: name.into(),
         points: places.iter().filter_map(stored).collect(),
-        lattice,
+        quantization,
         count,
         truth: Some(truth),
         edge: None,
@@ -226,11 +222,15 @@ fn of_world(name: &str, world: &[[f64; 3]], count: usize, truth: Option<Truth>) 
     let bound = |pick: fn(f64, f64) -> f64, from: f64| {
         [0, 1, 2].map(|axis| world.iter().fold(from, |b, p| pick(b, p[axis])))
     };
-    let lattice = Lattice::around(bound(f64::min, f64::MAX), bound(f64::max, f64::MIN), 0.0005);
+    let quantization =
+        Quantization::around(bound(f64::min, f64::MAX), bound(f64::max, f64::MIN), 0.0005);
     Cloud {
         name: name.into(),
-        points: world.iter().filter_map(|&p| lattice.quantise(p)).collect(),
-        lattice,
+        points: world
+            .iter()
+            .filter_map(|&p| quantization.quantise(p))
+            .collect(),
+        quantization,
         count,
         truth,
         edge: None,
@@ -327,13 +327,13 @@ pub(crate) fn white_noise(path: &Path) -> Option<Cloud> {
     world.truncate(30_000);
     let size = world.iter().flatten().fold(0.0_f64, |s, c| s.max(c.abs()));
     let mut cloud = of_world("igea, 30 K random vertices to 10 K", &world, 10_000, None);
-    cloud.lattice = Lattice {
+    cloud.quantization = Quantization {
         scale: size * 1e-6,
         offset: [0.0; 3],
     };
     cloud.points = world
         .iter()
-        .filter_map(|&p| cloud.lattice.quantise(p))
+        .filter_map(|&p| cloud.quantization.quantise(p))
         .collect();
     Some(cloud)
 }

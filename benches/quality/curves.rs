@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use lloydar::lloyd::{Acceleration, SeedRule};
+use lloydar::internals::{Acceleration, SeedRule};
 
 use crate::{
     clouds::Cloud,

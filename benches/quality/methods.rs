@@ -2,13 +2,10 @@
 
 use std::{collections::BTreeMap, time::Instant};
 
-use lloydar::{
-    geometry::{Local, NeighborGrid, PatchKind, Stored},
-    lloyd::{
-        AREA_PER_SEED, Acceleration, Domain, Options, Restriction, Scan, SeedRule, Site,
-        describe_places, elect, solve,
-    },
-    quality::{CellFigures, DistanceFigures, DistanceTally, Uniformity, UniformityTally},
+use lloydar::internals::{
+    AREA_PER_SEED, Acceleration, CellFigures, DistanceFigures, DistanceTally, Local, NeighborGrid,
+    PatchKind, Restriction, Scan, SeedRule, Site, SolverOptions, Stored, TileRegion, Uniformity,
+    UniformityTally, describe_places, elect, solve,
 };
 
 use crate::clouds::{Cloud, Dice};
@@ -61,8 +58,8 @@ impl Method {
         cloud.count <= cloud.points.len() || !matches!(self, Self::Poisson | Self::Random)
     }
 
-    pub(crate) fn options(self, cloud: &Cloud, spacing: f64) -> Options {
-        let mut options = Options::new(spacing);
+    pub(crate) fn options(self, cloud: &Cloud, spacing: f64) -> SolverOptions {
+        let mut options = SolverOptions::new(spacing);
         if let Some(smooth) = cloud.smooth {
             options.smooth = smooth;
         }
@@ -95,8 +92,8 @@ impl Method {
 fn mean_nearest(cloud: &Cloud) -> f64 {
     let spread = 2000.0 / cloud.points.len() as f64;
     let extent = extent(cloud);
-    let options = Options::new(extent / 500.0);
-    let scan = Scan::as_scanned(cloud.points.clone(), cloud.lattice, &options);
+    let options = SolverOptions::new(extent / 500.0);
+    let scan = Scan::as_scanned(cloud.points.clone(), cloud.quantization, &options);
     let distances = scan.sampled_distances(spread, extent, |_| true);
     distances.iter().sum::<f64>() / distances.len() as f64
 }
@@ -107,7 +104,7 @@ fn extent(cloud: &Cloud) -> f64 {
         f64::from(all.clone().max().unwrap_or(0)) - f64::from(all.min().unwrap_or(0))
     };
     let size = bound(|p| p.x).max(bound(|p| p.y)).max(bound(|p| p.z));
-    size * cloud.lattice.scale
+    size * cloud.quantization.scale
 }
 
 /// δ at the start of every iteration and at the end, from seeds of `rule`, and
@@ -118,14 +115,14 @@ pub(crate) fn curve(
     rule: SeedRule,
     acceleration: Acceleration,
 ) -> (Vec<f64>, f64) {
-    let options = Options {
+    let options = SolverOptions {
         seeds: rule,
         acceleration,
         ..Method::Ours.options(cloud, spacing)
     };
     let scan = scan(cloud, &options);
     let start = Instant::now();
-    let solution = solve(&scan, &Domain::everything(), &options);
+    let solution = solve(&scan, &TileRegion::everything(), &options);
     let seconds = start.elapsed().as_secs_f64();
     let delta = solution.convergence.iter().map(|sums| sums.delta());
     (delta.collect(), seconds)
@@ -155,7 +152,7 @@ pub(crate) fn run(cloud: &Cloud, method: Method, spacing: f64) -> Outcome {
         Method::Voxel => voxel_means(cloud),
         _ => {
             let scan = scan(cloud, &options);
-            let solution = solve(&scan, &Domain::everything(), &options);
+            let solution = solve(&scan, &TileRegion::everything(), &options);
             solution.sites.iter().map(|site| site.position).collect()
         }
     };
@@ -163,8 +160,8 @@ pub(crate) fn run(cloud: &Cloud, method: Method, spacing: f64) -> Outcome {
     judge(cloud, &places, seconds)
 }
 
-pub(crate) fn scan(cloud: &Cloud, options: &Options) -> Scan {
-    Scan::new(cloud.points.clone(), cloud.lattice, options)
+pub(crate) fn scan(cloud: &Cloud, options: &SolverOptions) -> Scan {
+    Scan::new(cloud.points.clone(), cloud.quantization, options)
 }
 
 /// The spacing at which `method` makes the cloud's count.
@@ -187,14 +184,14 @@ fn random(cloud: &Cloud) -> Vec<Local> {
     let share = cloud.count as f64 / cloud.points.len() as f64;
     let mut dice = Dice(6);
     let chosen = cloud.points.iter().filter(|_| dice.roll() < share);
-    chosen.map(|&p| cloud.lattice.local(p)).collect()
+    chosen.map(|&p| cloud.quantization.local(p)).collect()
 }
 
 fn voxel_means(cloud: &Cloud) -> Vec<Local> {
     let means = |edge: f64| -> Vec<Local> {
         let mut cells: BTreeMap<[i32; 3], (Local, f64)> = BTreeMap::new();
         for &point in &cloud.points {
-            let place = cloud.lattice.local(point);
+            let place = cloud.quantization.local(point);
             let cell = [0, 1, 2].map(|axis| (place[axis] / edge).floor() as i32);
             let (sum, count) = cells.entry(cell).or_default();
             *sum += place;
@@ -216,7 +213,7 @@ fn judge(cloud: &Cloud, places: &[Local], seconds: f64) -> Outcome {
     let spacing = hexagonal_spacing(cloud, places);
     let options = Method::Ours.options(cloud, spacing);
     let scan = scan(cloud, &options);
-    let sites = describe_places(&scan, &Domain::everything(), &options, places);
+    let sites = describe_places(&scan, &TileRegion::everything(), &options, places);
     let positions: Vec<Local> = sites.iter().map(|site| site.position).collect();
     let grid = NeighborGrid::new(&positions, spacing);
     let mut tally = UniformityTally::new(spacing);
@@ -239,7 +236,7 @@ fn judge(cloud: &Cloud, places: &[Local], seconds: f64) -> Outcome {
         let near = scan.nearest(site.position, 8.0 * spacing);
         let to_scan = near.map_or(8.0 * spacing, |(_, distance)| distance);
         let [x, y, z] = site.position.into();
-        let [a, b, c] = cloud.lattice.offset;
+        let [a, b, c] = cloud.quantization.offset;
         let place = [x + a, y + b, z + c];
         let off = cloud.truth.as_ref().map_or(to_scan, |truth| truth(place));
         accuracy.push(off);
@@ -253,7 +250,7 @@ fn judge(cloud: &Cloud, places: &[Local], seconds: f64) -> Outcome {
         astray += usize::from(to_scan > 0.5 * spacing && is_astray(&scan, site.position, to_scan));
     }
     for point in scan.representatives() {
-        let place = scan.lattice().local(point);
+        let place = scan.quantization().local(point);
         let near = grid.nearest(place, 8.0 * spacing, |_| false);
         coverage.push(near.map_or(8.0 * spacing, |(_, squared)| squared.sqrt()));
     }
@@ -267,13 +264,13 @@ fn judge(cloud: &Cloud, places: &[Local], seconds: f64) -> Outcome {
         coverage: coverage.figures(),
         at_edges: at_edges.figures(),
         astray,
-        held: share(|site| site.is_held),
+        held: share(|site| site.is_fixed),
         open: share(|site| !site.is_closed),
     }
 }
 
 fn is_counted(site: &Site) -> bool {
-    site.is_closed && !site.is_held
+    site.is_closed && !site.is_fixed
 }
 
 /// Whether a place lies farther from the scan than the scan's own points lie
@@ -306,7 +303,7 @@ fn hexagonal_spacing(cloud: &Cloud, places: &[Local]) -> f64 {
     for _ in 0..2 {
         let options = Method::Ours.options(cloud, spacing);
         let scan = scan(cloud, &options);
-        let sites = describe_places(&scan, &Domain::everything(), &options, places);
+        let sites = describe_places(&scan, &TileRegion::everything(), &options, places);
         let areas: Vec<f64> = sites
             .iter()
             .filter(|s| is_counted(s))

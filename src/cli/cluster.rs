@@ -6,12 +6,12 @@ use std::{
     time::Duration,
 };
 
-use clap::Args;
-use lloydar::{
+use crate::{
     config::Bytes,
-    pipeline::{Job, JobError, JobStatus, Worker, default_directory},
+    job::{Job, JobError, JobStatus, Worker, default_directory},
     report::thousands,
 };
+use clap::Args;
 
 use super::{
     CANCEL, Scans, allocator, describing,

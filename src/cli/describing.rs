@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
+use crate::{config::Choices, job::JobError};
 use clap::Args;
-use lloydar::{config::Choices, pipeline::JobError};
 
 use super::{Arguments, CommandFactory, printing::result};
 

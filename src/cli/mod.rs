@@ -15,16 +15,14 @@ use std::{
     time::Duration,
 };
 
-use clap::{CommandFactory, Parser, Subcommand};
-use lloydar::{
+use crate::{
     config::{Bytes, Choices, OnBadFile, by_name},
+    job::{Coloring, InputCount, Job, JobError, Picture, default_directory, render, write_file},
     las::{InputFile, expand_inputs},
     picture::View,
-    pipeline::{
-        Coloring, InputCount, Job, JobError, Picture, default_directory, render, write_file,
-    },
     report::{REPORT_PAGE, Report, VIEWER_PAGE},
 };
+use clap::{CommandFactory, Parser, Subcommand};
 
 use cluster::{Cluster, Others, Sharing};
 use printing::{result, say};
@@ -239,10 +237,10 @@ const STOPPED: u8 = 130;
 static CANCEL: AtomicBool = AtomicBool::new(false);
 
 /// Runs the command line; the only place where a program ends.
-pub(crate) fn main() -> ExitCode {
+pub fn main() -> ExitCode {
     let loud = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
-        if !lloydar::las::is_decoding() {
+        if !crate::las::is_decoding() {
             loud(panic);
         }
     }));

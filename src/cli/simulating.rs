@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use lloydar::{
+use crate::{
     config::{Choices, Count, Length},
-    geometry::Lattice,
+    geometry::Quantization,
+    job::{Job, JobError, default_directory},
     las::{CloudHeader, CloudWriter, Format, RecordFormat, Workspace},
-    pipeline::{Job, JobError, default_directory},
     report::REPORT_PAGE,
     simulate::{SimulatedPoint, Street, StreetOptions},
 };
@@ -100,7 +100,7 @@ pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
     );
     let choices = Choices {
         spacing: Some(Length::plain(0.2)),
-        memory: Some(lloydar::config::Bytes(256 << 20)),
+        memory: Some(crate::config::Bytes(256 << 20)),
         ..Choices::default()
     };
     let page = super::with_ending(&cloud, REPORT_PAGE);
@@ -137,17 +137,17 @@ fn write_street(street: &Street, passes: u32, dir: &Path) -> Result<Vec<(PathBuf
             point_format: 7,
             extra_bytes: Vec::new(),
         },
-        lattice: Lattice {
+        quantization: Quantization {
             scale: 0.001,
             offset: [431_000.0, 5_400_000.0, 100.0],
         },
-        crs: lloydar::las::Crs::of_epsg(32_633),
+        crs: crate::las::Crs::of_epsg(32_633),
         kept_records: Vec::new(),
         has_standard_time: false,
         provenance: "simulated".to_owned(),
     };
     let workspace = Workspace {
-        spacing: header.lattice.scale,
+        spacing: header.quantization.scale,
         tile_edge: 0.0,
         stem: dir.join("sorting"),
         buffer_bytes: 0,
@@ -165,7 +165,7 @@ fn write_street(street: &Street, passes: u32, dir: &Path) -> Result<Vec<(PathBuf
                         let points = street.slice(pass, slice);
                         points
                             .iter()
-                            .flat_map(|point| record(point, &header.lattice))
+                            .flat_map(|point| record(point, &header.quantization))
                             .collect()
                     })
                     .collect();
@@ -182,9 +182,9 @@ fn write_street(street: &Street, passes: u32, dir: &Path) -> Result<Vec<(PathBuf
 }
 
 /// A return as a record of format 7.
-fn record(point: &SimulatedPoint, lattice: &Lattice) -> [u8; 36] {
+fn record(point: &SimulatedPoint, quantization: &Quantization) -> [u8; 36] {
     let mut record = [0; 36];
-    let place = lattice
+    let place = quantization
         .quantise(point.position)
         .expect("a street of 1000 km is within two million metres of its start");
     for (at, c) in [place.x, place.y, place.z].into_iter().enumerate() {

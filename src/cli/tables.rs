@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use lloydar::{
+use crate::{
     config::Bytes,
+    job::{JobError, JobPlan, measure, measure_against_surface},
     las::{InputFile, expand_inputs},
-    pipeline::{JobError, JobPlan, measure, measure_against_surface},
     report::{figure, thousands},
 };
 
@@ -116,8 +116,8 @@ fn described(input: &InputFile) -> serde_json::Value {
         "max": input.bounds[1],
         "scale": input.scale,
         "offset": input.offset,
-        "crs": input.crs.as_ref().map(lloydar::las::Crs::name),
-        "metres_per_unit": input.crs.as_ref().and_then(lloydar::las::Crs::metres_per_unit),
+        "crs": input.crs.as_ref().map(crate::las::Crs::name),
+        "metres_per_unit": input.crs.as_ref().and_then(crate::las::Crs::metres_per_unit),
         "has_standard_time": input.has_standard_time,
         "generating_software": input.generating_software,
         "extra_bytes": extra.collect::<Vec<_>>(),
@@ -155,7 +155,7 @@ fn print_input(input: &InputFile) {
         input
             .crs
             .as_ref()
-            .map_or("none".into(), lloydar::las::Crs::name)
+            .map_or("none".into(), crate::las::Crs::name)
     );
     for extra in &input.extra_bytes {
         result!("  extra    {} ({} bytes)", extra.name, extra.length);

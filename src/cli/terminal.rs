@@ -8,11 +8,11 @@ use std::{
     time::{Duration, Instant},
 };
 
-use indicatif::{ProgressBar, ProgressStyle};
-use lloydar::{
-    pipeline::{Progress, Standing, Unit},
+use crate::{
+    job::{Progress, Standing, Unit},
     report::thousands,
 };
+use indicatif::{ProgressBar, ProgressStyle};
 
 use super::printing::say;
 

@@ -6,7 +6,7 @@
 
 mod quantity;
 
-pub use quantity::{Bytes, Count, Length, Share, Sides, Unit};
+pub(crate) use quantity::{Bytes, Count, Length, Share, Sides};
 
 use std::path::{Path, PathBuf};
 
@@ -16,120 +16,120 @@ use serde::{Deserialize, Serialize};
 use crate::{
     geometry::PatchKind,
     las::{Crs, Ground, PointFilter},
-    lloyd::{Acceleration, Options, Restriction, SeedRule},
+    lloyd::{Acceleration, Restriction, SeedRule, SolverOptions},
 };
 
 /// Options of a job as written. Lengths are CRS units.
 #[derive(Args, Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case", default)]
-pub struct Choices {
+pub(crate) struct Choices {
     /// Spacing of the output: 0.05 (in CRS units), 5cm, 0.2ft
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
-    pub spacing: Option<Length>,
+    pub(crate) spacing: Option<Length>,
     /// About how many points to put out: 100K, 2M, 1500000
     #[arg(long, value_name = "N")]
-    pub count: Option<Count>,
+    pub(crate) count: Option<Count>,
     /// Points out to points in: 2% or 0.02
     #[arg(long, value_name = "SHARE")]
-    pub ratio: Option<Share>,
+    pub(crate) ratio: Option<Share>,
     /// Peak memory: 512MiB, 4GiB [default: ¾ of what the cgroup or machine allows]
     #[arg(long, value_name = "SIZE")]
-    pub memory: Option<Bytes>,
+    pub(crate) memory: Option<Bytes>,
     /// Worker threads [default: one per core]
     #[arg(long, value_name = "N")]
-    pub threads: Option<usize>,
+    pub(crate) threads: Option<usize>,
     /// Directory for temporary files; a job found in it is resumed
     /// [default: OUT.job beside the output]
     #[arg(long, value_name = "DIR")]
-    pub job: Option<PathBuf>,
+    pub(crate) job: Option<PathBuf>,
     /// Keep the job directory after success
     #[arg(long)]
     #[serde(skip_serializing_if = "is_false")]
-    pub keep_job: bool,
+    pub(crate) keep_job: bool,
     /// Lloyd iterations [default: 20]
     #[arg(long, value_name = "K")]
-    pub iterations: Option<u32>,
+    pub(crate) iterations: Option<u32>,
     /// none, relaxation, anderson or anderson-global [default: relaxation]
     #[arg(long, value_name = "HOW", value_parser = by_name::<Acceleration>)]
-    pub accelerate: Option<Acceleration>,
+    pub(crate) accelerate: Option<Acceleration>,
     /// hexagonal, poisson, area or random [default: hexagonal]
     #[arg(long, value_name = "RULE", value_parser = by_name::<SeedRule>)]
-    pub seeds: Option<SeedRule>,
+    pub(crate) seeds: Option<SeedRule>,
     /// quadratic or plane [default: quadratic]
     #[arg(long, value_name = "KIND", value_parser = by_name::<PatchKind>)]
-    pub patch: Option<PatchKind>,
+    pub(crate) patch: Option<PatchKind>,
     /// How far from the scan a point may go: the paper's global threshold [default: the input's spacing around the point]
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
-    pub restrict: Option<Length>,
+    pub(crate) restrict: Option<Length>,
     /// Radius of the surface fit: larger than the default smooths
     /// noise away first, smaller keeps finer detail [default: 1.2 spacings]
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
-    pub smooth: Option<Length>,
+    pub(crate) smooth: Option<Length>,
     /// Widest hole to close; 0 for none [default: 4 spacings, or
     /// of the scan's own where more points are asked for than it has]
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
-    pub fill: Option<Length>,
+    pub(crate) fill: Option<Length>,
     /// Edge of square tiles [default: by points and memory]
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
-    pub tile_size: Option<Length>,
+    pub(crate) tile_size: Option<Length>,
     /// What a tile sees around its core [default: by spacing, iterations and fit
     /// radius]
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
-    pub halo: Option<Length>,
+    pub(crate) halo: Option<Length>,
     /// Seed of the choice of points
     #[arg(long, value_name = "N")]
-    pub seed: Option<u64>,
+    pub(crate) seed: Option<u64>,
     /// Classes to keep: 2,6 [default: all]
     #[arg(long, value_name = "CLASSES", value_delimiter = ',')]
-    pub keep_class: Option<Vec<u8>>,
+    pub(crate) keep_class: Option<Vec<u8>>,
     /// Classes to leave out: 7,18
     #[arg(long, value_name = "CLASSES", value_delimiter = ',')]
-    pub drop_class: Option<Vec<u8>>,
+    pub(crate) drop_class: Option<Vec<u8>>,
     /// Leave out points that are withheld
     #[arg(long)]
     #[serde(skip_serializing_if = "is_false")]
-    pub drop_withheld: bool,
+    pub(crate) drop_withheld: bool,
     /// Keep what lies in a rectangle: xmin,ymin,xmax,ymax
     #[arg(long, value_name = "SIDES", allow_hyphen_values = true)]
-    pub bounds: Option<Sides>,
+    pub(crate) bounds: Option<Sides>,
     /// Keep what lies in the polygons of a file: well-known text or GeoJSON, in the CRS
     /// of the data
     #[arg(long, value_name = "FILE")]
-    pub polygon: Option<PathBuf>,
+    pub(crate) polygon: Option<PathBuf>,
     /// The CRS of all inputs, whatever they say: EPSG:32633, or a file of well-known
     /// text [default: what they say]
     #[arg(long, value_name = "CRS")]
-    pub crs: Option<String>,
+    pub(crate) crs: Option<String>,
     /// Colour, near infrared and intensity: those of the nearest input point, or the mean
     /// of the points that are nearer to this point than to any other: nearest or mean
     /// [default: nearest]
     #[arg(long, value_name = "RULE", value_parser = by_name::<ColorRule>)]
-    pub color: Option<ColorRule>,
+    pub(crate) color: Option<ColorRule>,
     /// Class: that of the nearest input point, or of most of the points that are nearer
     /// to this point than to any other: nearest or majority [default: nearest]
     #[arg(long, value_name = "RULE", value_parser = by_name::<ClassRule>)]
-    pub class: Option<ClassRule>,
+    pub(crate) class: Option<ClassRule>,
     /// Extra attributes: normals, curvature, area, density, distance
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = by_name::<Computed>)]
-    pub with: Option<Vec<Computed>>,
+    pub(crate) with: Option<Vec<Computed>>,
     /// Write a directory of square tiles with this edge, and an index, in place of one
     /// file
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
-    pub output_tiles: Option<Length>,
+    pub(crate) output_tiles: Option<Length>,
     /// What to do with inputs that cannot be read: stop, or skip them and say so in
     /// the report [default: stop]
     #[arg(long, value_name = "POLICY", value_parser = by_name::<OnBadFile>)]
-    pub on_bad_file: Option<OnBadFile>,
+    pub(crate) on_bad_file: Option<OnBadFile>,
     /// Replace an existing output
     #[arg(long)]
     #[serde(skip_serializing_if = "is_false")]
-    pub overwrite: bool,
+    pub(crate) overwrite: bool,
 }
 
 /// What becomes of a job with an input that cannot be read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum OnBadFile {
+pub(crate) enum OnBadFile {
     /// It fails, with the names of all such inputs.
     #[default]
     Stop,
@@ -140,7 +140,7 @@ pub enum OnBadFile {
 /// What becomes of colour, near infrared and intensity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum ColorRule {
+pub(crate) enum ColorRule {
     /// Those of the nearest input point.
     #[default]
     Nearest,
@@ -151,7 +151,7 @@ pub enum ColorRule {
 /// What becomes of the class.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum ClassRule {
+pub(crate) enum ClassRule {
     /// That of the nearest input point.
     #[default]
     Nearest,
@@ -163,7 +163,7 @@ pub enum ClassRule {
 /// An attribute that the solver knows and the scan does not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Computed {
+pub(crate) enum Computed {
     /// Of the surface, upwards: three numbers.
     Normals,
     /// Mean curvature of the surface (1 / CRS unit).
@@ -185,14 +185,14 @@ fn is_false(flag: &bool) -> bool {
 /// # Errors
 ///
 /// What is wrong with the name, and which there are.
-pub fn by_name<T: for<'a> Deserialize<'a>>(name: &str) -> Result<T, String> {
+pub(crate) fn by_name<T: for<'a> Deserialize<'a>>(name: &str) -> Result<T, String> {
     T::deserialize(serde::de::value::StrDeserializer::<serde::de::value::Error>::new(name))
         .map_err(|error| error.to_string())
 }
 
 /// What is wrong with the choices.
 #[derive(Debug, thiserror::Error)]
-pub enum ConfigError {
+pub(crate) enum ConfigError {
     /// The file cannot be read.
     #[error("{path}: cannot read the configuration: {source}")]
     Read {
@@ -240,7 +240,7 @@ pub enum ConfigError {
 /// How dense the output is to be.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Target {
+pub(crate) enum Target {
     /// This far apart (CRS units).
     Spacing(f64),
     /// About so many points.
@@ -251,45 +251,45 @@ pub enum Target {
 
 /// Options of a job as meant. Lengths are CRS units.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Settings {
+pub(crate) struct Settings {
     /// How dense the output is to be.
-    pub target: Target,
+    pub(crate) target: Target,
     /// Peak memory in bytes; `None`: by the machine.
-    pub memory: Option<u64>,
+    pub(crate) memory: Option<u64>,
     /// Worker threads.
-    pub threads: usize,
+    pub(crate) threads: usize,
     /// Lloyd iterations.
-    pub iterations: u32,
+    pub(crate) iterations: u32,
     /// What is done with the centroids.
-    pub acceleration: Acceleration,
+    pub(crate) acceleration: Acceleration,
     /// Where sites start.
-    pub seeds: SeedRule,
+    pub(crate) seeds: SeedRule,
     /// What is fitted.
-    pub patch: PatchKind,
+    pub(crate) patch: PatchKind,
     /// How far from the scan a site may go.
-    pub restriction: Restriction,
+    pub(crate) restriction: Restriction,
     /// Radius of the surface fit; `None`: by the spacing.
-    pub smooth: Option<f64>,
+    pub(crate) smooth: Option<f64>,
     /// The widest hole to close; `None`: by the spacing.
-    pub fill: Option<f64>,
+    pub(crate) fill: Option<f64>,
     /// Edge of square tiles; `None`: by points and memory.
-    pub tile_size: Option<f64>,
+    pub(crate) tile_size: Option<f64>,
     /// What a tile sees around its core; `None`: by the solver's reach.
-    pub halo: Option<f64>,
+    pub(crate) halo: Option<f64>,
     /// Seed of every hash.
-    pub seed: u64,
+    pub(crate) seed: u64,
     /// Which input points take part.
-    pub filter: PointFilter,
+    pub(crate) filter: PointFilter,
     /// The CRS of all inputs; `None`: what they say.
-    pub crs: Option<Crs>,
+    pub(crate) crs: Option<Crs>,
     /// What becomes of colour, near infrared and intensity.
-    pub color: ColorRule,
+    pub(crate) color: ColorRule,
     /// What becomes of the class.
-    pub class: ClassRule,
+    pub(crate) class: ClassRule,
     /// Attributes to add, in order, each once.
-    pub with: Vec<Computed>,
+    pub(crate) with: Vec<Computed>,
     /// Edge of the tiles that are written; `None`: one file.
-    pub output_tiles: Option<f64>,
+    pub(crate) output_tiles: Option<f64>,
 }
 
 impl Choices {
@@ -298,7 +298,7 @@ impl Choices {
     /// # Errors
     ///
     /// [`ConfigError::Read`] and [`ConfigError::Parse`], with the file's name.
-    pub fn from_file(path: &Path) -> Result<Self, ConfigError> {
+    pub(crate) fn from_file(path: &Path) -> Result<Self, ConfigError> {
         let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read {
             path: path.display().to_string(),
             source,
@@ -315,7 +315,7 @@ impl Choices {
     ///
     /// Never: options that were read can be written.
     #[must_use]
-    pub fn or(self, file: Self) -> Self {
+    pub(crate) fn or(self, file: Self) -> Self {
         let table = |choices| toml::Table::try_from(choices).expect("options are plain values");
         let (flags, mut merged) = (table(self), table(file));
         // A target on the command line replaces the file's, whatever its kind.
@@ -328,7 +328,7 @@ impl Choices {
     }
 
     /// Whether a length has a unit of its own: the CRS must be known then.
-    pub fn has_units(&self) -> bool {
+    pub(crate) fn has_units(&self) -> bool {
         let lengths = [
             self.spacing,
             self.restrict,
@@ -346,7 +346,7 @@ impl Choices {
     /// # Errors
     ///
     /// [`ConfigError::Named`] if it is no code that is known, nor a file of text.
-    pub fn crs(&self) -> Result<Option<Crs>, ConfigError> {
+    pub(crate) fn crs(&self) -> Result<Option<Crs>, ConfigError> {
         let Some(text) = &self.crs else {
             return Ok(None);
         };
@@ -392,7 +392,7 @@ impl Choices {
     /// [`ConfigError::Value`] for a value out of its range, or with a unit where that of
     /// the CRS is not known, [`ConfigError::Named`] for a file that is not what it should
     /// be.
-    pub fn settings(&self, metres: Option<f64>) -> Result<Settings, ConfigError> {
+    pub(crate) fn settings(&self, metres: Option<f64>) -> Result<Settings, ConfigError> {
         let length = |option, length: Option<Length>| {
             let Some(Length { value, unit }) = length else {
                 return Ok(None);
@@ -495,12 +495,12 @@ impl Choices {
 impl Settings {
     /// What the solver is asked for at `spacing`, if about `seeds_per_point`
     /// points are to come out for each of the input's.
-    pub fn solver(&self, spacing: f64, seeds_per_point: f64) -> Options {
-        let defaults = Options::new(spacing);
+    pub(crate) fn solver(&self, spacing: f64, seeds_per_point: f64) -> SolverOptions {
+        let defaults = SolverOptions::new(spacing);
         // Holes are a few spacings wide: of the output, or of the scan where that
         // is coarser.
         let scan_is_coarser = seeds_per_point.max(1.0).sqrt();
-        Options {
+        SolverOptions {
             fill: self.fill.unwrap_or(defaults.fill * scan_is_coarser),
             fit_radius: self.smooth.unwrap_or(f64::MAX).min(defaults.fit_radius),
             smooth: self
@@ -583,6 +583,6 @@ mod tests {
             parsed("spacing = 1\naccelerate = \"anderson-global\"").accelerate,
             Some(Acceleration::AndersonGlobal)
         );
-        assert!(by_name::<SeedRule>("lattice").is_err());
+        assert!(by_name::<SeedRule>("quantization").is_err());
     }
 }

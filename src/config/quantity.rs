@@ -6,28 +6,28 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// A number of points: `1500000`, `100K`, `2M`, `1.5G`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Count(pub u64);
+pub(crate) struct Count(pub(crate) u64);
 
 /// A number of bytes: `512MiB`, `4GiB`, `2G` (decimal), `1073741824`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Bytes(pub u64);
+pub(crate) struct Bytes(pub(crate) u64);
 
 /// A share above 0: `2%`, `0.02`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Share(pub f64);
+pub(crate) struct Share(pub(crate) f64);
 
 /// A length: in units of the CRS if it has none of its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Length {
+pub(crate) struct Length {
     /// How many of the unit.
-    pub value: f64,
+    pub(crate) value: f64,
     /// The unit.
-    pub unit: Option<Unit>,
+    pub(crate) unit: Option<Unit>,
 }
 
 /// A unit of length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unit {
+pub(crate) enum Unit {
     /// `mm`
     Millimetre,
     /// `cm`
@@ -64,7 +64,7 @@ impl Unit {
     }
 
     /// Its length in metres.
-    pub fn metres(self) -> f64 {
+    pub(crate) fn metres(self) -> f64 {
         match self {
             Self::Millimetre => 0.001,
             Self::Centimetre => 0.01,
@@ -78,7 +78,7 @@ impl Unit {
 
 impl Length {
     /// A length in units of the CRS.
-    pub fn plain(value: f64) -> Self {
+    pub(crate) fn plain(value: f64) -> Self {
         Self { value, unit: None }
     }
 }
@@ -128,7 +128,7 @@ impl<'de> Deserialize<'de> for Length {
 
 /// A rectangle: west, south, east and north side, in CRS units.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sides(pub [f64; 4]);
+pub(crate) struct Sides(pub(crate) [f64; 4]);
 
 impl FromStr for Sides {
     type Err = String;

@@ -21,7 +21,7 @@ pub struct Neighbor {
 
 impl Neighbor {
     /// Nearest first, equally near ones in the order of their names.
-    pub fn sort(neighbors: &mut [Self]) {
+    pub(crate) fn sort(neighbors: &mut [Self]) {
         neighbors.sort_unstable_by(|a, b| {
             a.distance_squared
                 .total_cmp(&b.distance_squared)

@@ -29,11 +29,11 @@ use super::{
 };
 
 /// Sides of the domain before anything is cut off.
-pub const DOMAIN_SIDES: usize = 12;
+pub const BOUNDING_SIDES: usize = 12;
 
 /// How far a domain reaches from the site towards each of its corners (CRS
 /// units).
-pub type Reach = [f64; DOMAIN_SIDES];
+pub(crate) type Reach = [f64; BOUNDING_SIDES];
 /// Every cut adds at most one corner; a cell with more sides is not met before
 /// the neighbours that could make it run out.
 const MAX_CORNERS: usize = 40;
@@ -42,7 +42,7 @@ const RIM: u32 = u32::MAX;
 
 /// Edges of a cell that are remembered, closed at once and followed; it has six, rarely more
 /// than nine.
-pub const MOST_EDGES: usize = 10;
+pub(crate) const MOST_EDGES: usize = 10;
 
 #[derive(Clone, Copy, Debug)]
 struct Corner {
@@ -100,7 +100,7 @@ impl Cell {
     /// farthest corner of the lifted domain, and be sorted by distance.
     pub fn clip(&mut self, patch: &Patch, site: Local, reach: &Reach, neighbors: &[Neighbor]) {
         let surface = patch.heights_from(site);
-        let corners = domain_corners().into_iter().zip(reach);
+        let corners = bounding_corners().into_iter().zip(reach);
         self.start(corners.map(|([cos, sin], reach)| lift(&surface, reach * cos, reach * sin)));
         self.cut_by_all(patch, site, &surface, neighbors);
     }
@@ -229,7 +229,7 @@ impl Cell {
 
     /// Clips the cell on, by `neighbors` that are farther than those that did before, and
     /// sorted by distance, too.
-    pub fn clip_on(&mut self, patch: &Patch, site: Local, neighbors: &[Neighbor]) {
+    pub(crate) fn clip_on(&mut self, patch: &Patch, site: Local, neighbors: &[Neighbor]) {
         self.cut_by_all(patch, site, &patch.heights_from(site), neighbors);
     }
 
@@ -350,13 +350,13 @@ impl Cell {
 
     /// Square of the security radius: no site farther away than this can cut
     /// the cell as it is.
-    pub fn security_squared(&self) -> f64 {
+    pub(crate) fn security_squared(&self) -> f64 {
         4.0 * self.farthest_squared()
     }
 
     /// A place of the cell, on the patch: even over the cell for `dice` even
     /// in [0, 1)²; `None` if nothing is left of the cell.
-    pub fn place(&self, patch: &Patch, site: Local, dice: [f64; 2]) -> Option<Local> {
+    pub(crate) fn place(&self, patch: &Patch, site: Local, dice: [f64; 2]) -> Option<Local> {
         let [u, v, w] = patch.coordinates(site);
         let foot = Local::new(0.0, 0.0, patch.height(u, v) - w);
         let twice_area = |a: Local, b: Local| (a - foot).cross(&(b - foot)).norm();
@@ -376,12 +376,12 @@ impl Cell {
     }
 
     /// Whether neighbours bound the cell all around: no edge is the domain's.
-    pub fn is_closed(&self) -> bool {
+    pub(crate) fn is_closed(&self) -> bool {
         self.count >= 3 && self.corners().iter().all(|c| c.edge != RIM)
     }
 
     /// Number of edges that neighbours made.
-    pub fn neighbor_count(&self) -> usize {
+    pub(crate) fn neighbor_count(&self) -> usize {
         self.neighbors().count()
     }
 
@@ -433,7 +433,7 @@ impl Cell {
 }
 
 /// Directions to the corners of a domain, as `[u, v]` in the frame of the patch.
-pub fn domain_corners() -> [[f64; 2]; DOMAIN_SIDES] {
+pub(crate) fn bounding_corners() -> [[f64; 2]; BOUNDING_SIDES] {
     // cos and sin of multiples of 30°, written out: the same bits on every
     // machine, whatever its mathematics library.
     const S: f64 = 0.866_025_403_784_438_6;
@@ -502,7 +502,7 @@ pub(super) mod tests {
         cell.clip(
             &patch,
             site,
-            &[1.0; DOMAIN_SIDES],
+            &[1.0; BOUNDING_SIDES],
             &sorted(site, &hexagonal(4)),
         );
         let moments = cell.moments(&patch, site).unwrap();
@@ -545,7 +545,7 @@ pub(super) mod tests {
                 let site = patch.foot_point(Local::zeros());
                 let neighbors = sorted(site, &others);
                 let (mut cell, mut twin) = (Cell::new(), Cell::new());
-                twin.clip(&patch, site, &[1.0; DOMAIN_SIDES], &neighbors);
+                twin.clip(&patch, site, &[1.0; BOUNDING_SIDES], &neighbors);
                 if cell.clip_within(&patch, site, 0.8, &neighbors) {
                     met += 1;
                     let [own, other] = [&cell, &twin].map(|c| c.moments(&patch, site).unwrap());
@@ -578,7 +578,7 @@ pub(super) mod tests {
                 };
                 let site = patch.foot_point(Local::zeros());
                 let (mut cell, mut twin) = (Cell::new(), Cell::new());
-                let reach = [1.0; DOMAIN_SIDES];
+                let reach = [1.0; BOUNDING_SIDES];
                 twin.clip(&patch, site, &reach, &sorted(site, &moved(0.6, 0)));
                 let links: Vec<u32> = twin.neighbors().collect();
                 let neighbors = sorted(site, &moved(0.7, 9));
@@ -614,7 +614,12 @@ pub(super) mod tests {
         let site = patch.foot_point(Local::zeros());
         let other = patch.foot_point(Local::new(0.7, 0.4, 0.0));
         let mut cell = Cell::new();
-        cell.clip(&patch, site, &[1.0; DOMAIN_SIDES], &sorted(site, &[other]));
+        cell.clip(
+            &patch,
+            site,
+            &[1.0; BOUNDING_SIDES],
+            &sorted(site, &[other]),
+        );
         let mut met = 0;
         for corner in cell.corners() {
             let place = site
@@ -635,13 +640,13 @@ pub(super) mod tests {
         near.clip(
             &patch,
             site,
-            &[1.0; DOMAIN_SIDES],
+            &[1.0; BOUNDING_SIDES],
             &sorted(site, &hexagonal(1)),
         );
         far.clip(
             &patch,
             site,
-            &[1.0; DOMAIN_SIDES],
+            &[1.0; BOUNDING_SIDES],
             &sorted(site, &hexagonal(6)),
         );
         assert_eq!(near.moments(&patch, site), far.moments(&patch, site));
@@ -652,7 +657,7 @@ pub(super) mod tests {
     fn a_lonely_site_keeps_its_domain_open() {
         let (patch, site) = (flat(), Local::zeros());
         let mut cell = Cell::new();
-        cell.clip(&patch, site, &[1.0; DOMAIN_SIDES], &[]);
+        cell.clip(&patch, site, &[1.0; BOUNDING_SIDES], &[]);
         let moments = cell.moments(&patch, site).unwrap();
         assert!(!cell.is_closed());
         // The regular dodecagon of circumradius 1 has area 3.
@@ -665,7 +670,7 @@ pub(super) mod tests {
         let mut sites = hexagonal(3);
         sites.push(site);
         let mut cell = Cell::new();
-        cell.clip(&patch, site, &[1.0; DOMAIN_SIDES], &sorted(site, &sites));
+        cell.clip(&patch, site, &[1.0; BOUNDING_SIDES], &sorted(site, &sites));
         assert!(cell.moments(&patch, site).unwrap().area > 0.8);
     }
 
@@ -682,7 +687,7 @@ pub(super) mod tests {
             })
             .collect();
         let mut cell = Cell::new();
-        cell.clip(&patch, site, &[1.2; DOMAIN_SIDES], &sorted(site, &others));
+        cell.clip(&patch, site, &[1.2; BOUNDING_SIDES], &sorted(site, &others));
         let moments = cell.moments(&patch, site).unwrap();
 
         let (mut area, mut centroid) = (0.0, Local::zeros());

@@ -4,7 +4,7 @@
 //! | --- | --- | --- |
 //! | *stored* | [`Stored`] | integers on the run's one scale and offset |
 //! | *world* | `[f64; 3]` | CRS units, as a surveyor reads them |
-//! | *local* | [`Local`] | CRS units from the lattice's offset |
+//! | *local* | [`Local`] | CRS units from the quantization's offset |
 //!
 //! Ownership (which cell, which tile) is decided on stored coordinates, in
 //! integers, so that it is exact. Kernels see local coordinates only: at a
@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::spread;
 
-/// CRS units from the lattice's offset.
+/// CRS units from the quantization's offset.
 pub type Local = nalgebra::Vector3<f64>;
 
 /// A point as stored: integers on the run's scale and offset.
@@ -34,7 +34,7 @@ pub struct Stored {
 
 impl Stored {
     /// A number that is this place's alone, as good as drawn by lot.
-    pub fn lot(&self) -> u64 {
+    pub(crate) fn tie_break_hash(&self) -> u64 {
         let [x, y, z] = [self.x, self.y, self.z].map(|c| u64::from(c as u32));
         spread(spread(x << 32 | y) ^ z)
     }
@@ -61,16 +61,16 @@ impl Stored {
 /// One scale serves the three axes, so that distances between stored points
 /// are integers too.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Lattice {
+pub struct Quantization {
     /// CRS units per stored unit; positive.
     pub scale: f64,
     /// World coordinates of the stored origin, multiples of `scale`.
     pub offset: [f64; 3],
 }
 
-impl Lattice {
+impl Quantization {
     /// World coordinates of `point`.
-    pub fn world(&self, point: Stored) -> [f64; 3] {
+    pub(crate) fn world(&self, point: Stored) -> [f64; 3] {
         let [x, y, z] = [point.x, point.y, point.z].map(|c| f64::from(c) * self.scale);
         [self.offset[0] + x, self.offset[1] + y, self.offset[2] + z]
     }
@@ -95,7 +95,7 @@ impl Lattice {
 
     /// The widest extent, in stored units, that is given a lattice: nearly the
     /// range of an `i32`, on both sides of the middle.
-    pub const WIDEST: f64 = 0.45 * 4_294_967_296.0;
+    pub(crate) const WIDEST: f64 = 0.45 * 4_294_967_296.0;
 
     /// Local coordinates of `point`.
     pub fn local(&self, point: Stored) -> Local {
@@ -167,12 +167,12 @@ impl Rect {
     }
 
     /// Whether the two share a point.
-    pub fn intersects(&self, other: &Self) -> bool {
+    pub(crate) fn intersects(&self, other: &Self) -> bool {
         (0..2).all(|axis| self.min[axis] < other.max[axis] && other.min[axis] < self.max[axis])
     }
 
     /// Whether all of `other` lies inside.
-    pub fn covers(&self, other: &Self) -> bool {
+    pub(crate) fn covers(&self, other: &Self) -> bool {
         (0..2).all(|axis| self.min[axis] <= other.min[axis] && other.max[axis] <= self.max[axis])
     }
 
@@ -187,7 +187,7 @@ impl Rect {
     /// Distance from `point` to the border, in stored units, seen from above:
     /// positive inside, negative outside (there measured along the worse
     /// axis).
-    pub fn depth(&self, point: Stored) -> i64 {
+    pub(crate) fn depth(&self, point: Stored) -> i64 {
         let (x, y) = (i64::from(point.x), i64::from(point.y));
         (x - self.min[0])
             .min(self.max[0] - x)
@@ -217,7 +217,7 @@ mod tests {
 
     #[test]
     fn stored_points_survive_the_way_to_the_world_and_back() {
-        let lattice = Lattice {
+        let quantization = Quantization {
             scale: 0.001,
             offset: [431_000.0, 5_400_000.0, 100.0],
         };
@@ -227,19 +227,22 @@ mod tests {
                 y: -(c / 2),
                 z: c / 3,
             };
-            assert_eq!(lattice.quantise(lattice.world(point)), Some(point));
-            assert_eq!(lattice.stored(lattice.local(point)), Some(point));
+            assert_eq!(
+                quantization.quantise(quantization.world(point)),
+                Some(point)
+            );
+            assert_eq!(quantization.stored(quantization.local(point)), Some(point));
         }
     }
 
     #[test]
     fn what_is_not_a_number_or_out_of_range_is_not_stored() {
-        let lattice = Lattice {
+        let quantization = Quantization {
             scale: 0.001,
             offset: [0.0; 3],
         };
         for bad in [f64::NAN, f64::INFINITY, 1.0e9, -1.0e9] {
-            assert_eq!(lattice.quantise([0.0, bad, 0.0]), None);
+            assert_eq!(quantization.quantise([0.0, bad, 0.0]), None);
         }
     }
 }

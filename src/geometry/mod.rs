@@ -9,12 +9,14 @@ mod patch;
 mod response;
 
 pub use bisector::Neighbor;
-pub use cell::{Cell, DOMAIN_SIDES, MOST_EDGES, Moments, Reach, domain_corners};
-pub use coordinates::{Lattice, Local, Rect, Stored};
+
+pub use cell::{BOUNDING_SIDES, Cell, Moments};
+pub(crate) use cell::{MOST_EDGES, Reach, bounding_corners};
+pub use coordinates::{Local, Quantization, Rect, Stored};
 pub use neighbors::NeighborGrid;
-pub use occupied::{CellIndex, OccupiedCells, cell_of};
+pub(crate) use occupied::{CellIndex, OccupiedCells, cell_of};
 pub use patch::{Patch, PatchKind};
-pub use response::Response;
+pub(crate) use response::Response;
 
 pub(crate) use occupied::spread;
 

@@ -44,13 +44,13 @@ impl NeighborGrid {
     }
 
     /// The points, sorted by cell.
-    pub fn points(&self) -> &[Local] {
+    pub(crate) fn points(&self) -> &[Local] {
         &self.points
     }
 
     /// Calls `visit` with the place in the input and the coordinates of every
     /// point.
-    pub fn visit_all(&self, mut visit: impl FnMut(u32, Local)) {
+    pub(crate) fn visit_all(&self, mut visit: impl FnMut(u32, Local)) {
         for (&place, &point) in self.order.iter().zip(&self.points) {
             visit(place, point);
         }
@@ -65,7 +65,7 @@ impl NeighborGrid {
     }
 
     /// Fills `near` with the points nearer to `center` than `radius` (CRS units).
-    pub fn gather(&self, center: Local, radius: f64, near: &mut Vec<Local>) {
+    pub(crate) fn gather(&self, center: Local, radius: f64, near: &mut Vec<Local>) {
         near.clear();
         self.visit_around(center, radius, |_, point| {
             if (point - center).norm_squared() < radius * radius {
@@ -75,7 +75,7 @@ impl NeighborGrid {
     }
 
     /// The same for the cells that the box from `low` to `high` touches.
-    pub fn visit_box(&self, low: Local, high: Local, mut visit: impl FnMut(u32, Local)) {
+    pub(crate) fn visit_box(&self, low: Local, high: Local, mut visit: impl FnMut(u32, Local)) {
         let visit_all = |cell: usize| {
             for place in self.cells.points_of(cell) {
                 visit(self.order[place], self.points[place]);
@@ -88,7 +88,7 @@ impl NeighborGrid {
     }
 
     /// Whether any point lies within `radius` of `center`.
-    pub fn any_within(&self, center: Local, radius: f64) -> bool {
+    pub(crate) fn any_within(&self, center: Local, radius: f64) -> bool {
         let radius_squared = radius * radius;
         let reach = Local::repeat(radius);
         let (low, high) = (

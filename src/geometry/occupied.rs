@@ -17,10 +17,10 @@ use rayon::prelude::*;
 use super::{Local, Stored};
 
 /// Where a cell lies: whole cells from the local origin.
-pub type CellIndex = [i32; 3];
+pub(crate) type CellIndex = [i32; 3];
 
 /// The cell of edge `edge` that holds `point`.
-pub fn cell_of(point: Local, edge: f64) -> CellIndex {
+pub(crate) fn cell_of(point: Local, edge: f64) -> CellIndex {
     let cells_per_unit = 1.0 / edge;
     [point.x, point.y, point.z].map(|c| {
         // The floor, without the call that it is on processors of old. `as`
@@ -34,7 +34,7 @@ pub fn cell_of(point: Local, edge: f64) -> CellIndex {
 /// Ranges of points, sorted by cell: brick by brick (z, y, x), and in a brick
 /// by z, y, x again.
 #[derive(Debug, Clone)]
-pub struct OccupiedCells {
+pub(crate) struct OccupiedCells {
     /// The first brick on each axis …
     base: CellIndex,
     /// … and the last.
@@ -71,7 +71,7 @@ impl OccupiedCells {
     /// # Panics
     ///
     /// Unless there are fewer than 2³² points.
-    pub fn sort<P: Sync>(
+    pub(crate) fn sort<P: Sync>(
         points: &[P],
         cell_of: impl Fn(&P) -> CellIndex + Sync,
     ) -> (Self, Vec<u32>) {
@@ -128,7 +128,7 @@ impl OccupiedCells {
     /// # Panics
     ///
     /// As [`sort`](Self::sort).
-    pub fn sort_points(
+    pub(crate) fn sort_points(
         points: &[Stored],
         cell_of: impl Fn(Stored) -> CellIndex + Sync,
     ) -> (Self, Vec<Stored>) {
@@ -171,28 +171,23 @@ impl OccupiedCells {
     }
 
     /// Number of occupied cells.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.starts.len() - 1
     }
 
-    /// Whether there is no point at all.
-    pub fn is_empty(&self) -> bool {
-        self.bricks.is_empty()
-    }
-
     /// The ranges of points of the occupied cells, in their order.
-    pub fn ranges(&self) -> impl ExactSizeIterator<Item = Range<usize>> + '_ {
+    pub(crate) fn ranges(&self) -> impl ExactSizeIterator<Item = Range<usize>> + '_ {
         self.starts.windows(2).map(|w| w[0] as usize..w[1] as usize)
     }
 
     /// The range of points in the cell `index`; empty if there are none.
-    pub fn range(&self, index: CellIndex) -> Range<usize> {
+    pub(crate) fn range(&self, index: CellIndex) -> Range<usize> {
         self.place(index)
             .map_or(0..0, |place| self.points_of(place))
     }
 
     /// The place of the cell `index` among the occupied ones, if it is one.
-    pub fn place(&self, index: CellIndex) -> Option<usize> {
+    pub(crate) fn place(&self, index: CellIndex) -> Option<usize> {
         let brick = self.bricks[self.place_of_brick(index.map(|c| c >> BRICK_SHIFT))?];
         let bit = 1 << bit_of(index);
         (brick.occupied & bit != 0).then(|| brick.place(bit))
@@ -200,7 +195,7 @@ impl OccupiedCells {
 
     /// Calls `visit` with the place of every occupied cell from `low` to `high`,
     /// both included, in their order, until it breaks.
-    pub fn visit_box<B>(
+    pub(crate) fn visit_box<B>(
         &self,
         low: CellIndex,
         high: CellIndex,
@@ -249,7 +244,7 @@ impl OccupiedCells {
     }
 
     /// The range of points in the occupied cell at `place`.
-    pub fn points_of(&self, place: usize) -> Range<usize> {
+    pub(crate) fn points_of(&self, place: usize) -> Range<usize> {
         self.starts[place] as usize..self.starts[place + 1] as usize
     }
 

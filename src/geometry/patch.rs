@@ -66,19 +66,19 @@ impl Heights {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patch {
     /// Where `u = v = w = 0`.
-    pub origin: Local,
+    pub(crate) origin: Local,
     /// The directions of `u`, `v` and `w`: orthonormal, right-handed. The last
     /// is the narrow one of the neighbourhood.
-    pub axes: [Local; 3],
+    pub(crate) axes: [Local; 3],
     heights: Heights,
     /// Root mean square of the heights that the patch leaves unexplained
     /// (CRS units), weighted as the fit was.
-    pub residual: f64,
+    pub(crate) residual: f64,
     /// Spread of the neighbours along their narrow direction in the plane over
     /// that along the wide one: 1 for a disc, 0 for a line.
-    pub roundness: f64,
+    pub(crate) roundness: f64,
     /// Number of neighbours that carried weight.
-    pub support: u32,
+    pub(crate) support: u32,
 }
 
 /// Which surface is fitted.
@@ -314,13 +314,13 @@ impl Patch {
     /// Whether the patch describes its neighbourhood well enough to stand for a
     /// surface with details as small as `detail` (CRS units). Else it went
     /// through leaves, clutter, two sheets or a wire.
-    pub fn describes(&self, detail: f64) -> bool {
+    pub(crate) fn describes(&self, detail: f64) -> bool {
         self.residual <= WORST_RESIDUAL * detail && self.roundness >= LEAST_ROUNDNESS
     }
 
     /// How far the patch can be relied on: 1 for a clean surface, falling to 0
     /// where it ceases to describe its neighbourhood.
-    pub fn trust(&self, detail: f64) -> f64 {
+    pub(crate) fn trust(&self, detail: f64) -> f64 {
         if self.describes(detail) {
             (2.0 * (1.0 - self.residual / (WORST_RESIDUAL * detail))).min(1.0)
         } else {
@@ -329,13 +329,13 @@ impl Patch {
     }
 
     /// `[u, v, w]` of `point` in the patch's frame.
-    pub fn coordinates(&self, point: Local) -> [f64; 3] {
+    pub(crate) fn coordinates(&self, point: Local) -> [f64; 3] {
         let d = point - self.origin;
         self.axes.map(|axis| axis.dot(&d))
     }
 
     /// The height `w` over `(u, v)`.
-    pub fn height(&self, u: f64, v: f64) -> f64 {
+    pub(crate) fn height(&self, u: f64, v: f64) -> f64 {
         self.heights.at(u, v)
     }
 
@@ -346,14 +346,14 @@ impl Patch {
 
     /// How far the chord of a way of `length` (CRS units) can lie off the patch,
     /// times four.
-    pub fn most_bend(&self, length: f64) -> f64 {
+    pub(crate) fn most_bend(&self, length: f64) -> f64 {
         let Heights { a, b, c, .. } = self.heights;
         let curvature = a * a + 2.0 * b * b + c * c;
         0.5 * curvature.sqrt() * length * length
     }
 
     /// The point of the patch over `(u, v)`.
-    pub fn point(&self, u: f64, v: f64) -> Local {
+    pub(crate) fn point(&self, u: f64, v: f64) -> Local {
         self.origin + self.axes[0] * u + self.axes[1] * v + self.axes[2] * self.height(u, v)
     }
 
@@ -365,7 +365,7 @@ impl Patch {
     }
 
     /// Unit normal at the origin; its sign means nothing.
-    pub fn normal(&self) -> Local {
+    pub(crate) fn normal(&self) -> Local {
         let Heights { p, q, .. } = self.heights;
         (self.axes[2] - self.axes[0] * p - self.axes[1] * q).normalize()
     }
@@ -373,7 +373,7 @@ impl Patch {
     /// The unit normal at the origin that points upwards, of a vertical surface northwards
     /// or else eastwards, and the mean curvature there (1 / CRS unit), positive where the
     /// surface bends towards the normal.
-    pub fn upwards(&self) -> (Local, f64) {
+    pub(crate) fn upwards(&self) -> (Local, f64) {
         let Heights { p, q, a, b, c, .. } = self.heights;
         let steep = 1.0 + p * p + q * q;
         let bent = (1.0 + q * q) * a - 2.0 * p * q * b + (1.0 + p * p) * c;
@@ -386,7 +386,8 @@ impl Patch {
     }
 
     /// Gaussian curvature over the origin (CRS units to the −2).
-    pub fn gaussian_curvature(&self) -> f64 {
+    #[cfg(test)]
+    pub(crate) fn gaussian_curvature(&self) -> f64 {
         let Heights { p, q, a, b, c, .. } = self.heights;
         (a * c - b * b) / (1.0 + p * p + q * q).powi(2)
     }

@@ -19,7 +19,7 @@ type Linear = [f32; 4];
 /// How the centroid of a cell answers to moves of its site, and of the neighbours that
 /// it has edges with.
 #[derive(Clone, Debug)]
-pub struct Response {
+pub(crate) struct Response {
     own: Linear,
     neighbors: [Linear; MOST_EDGES],
 }
@@ -27,7 +27,7 @@ pub struct Response {
 impl Response {
     /// That of the cell to which `moments` belong, on `patch`; `place` gives where a
     /// neighbour is.
-    pub fn new(
+    pub(crate) fn new(
         cell: &Cell,
         moments: &Moments,
         patch: &Patch,
@@ -62,7 +62,12 @@ impl Response {
 
     /// How the centroid goes when the site goes by `own` and its neighbours, in the
     /// order of the cell's edges, by `others`.
-    pub fn of(&self, patch: &Patch, own: Local, others: impl Iterator<Item = Local>) -> Local {
+    pub(crate) fn of(
+        &self,
+        patch: &Patch,
+        own: Local,
+        others: impl Iterator<Item = Local>,
+    ) -> Local {
         let [mut u, mut v] = [0.0; 2];
         let mut add = |map: &Linear, way: Local| {
             let [s, t] = [patch.axes[0].dot(&way), patch.axes[1].dot(&way)];
@@ -82,7 +87,7 @@ impl Response {
 mod tests {
     use super::*;
     use crate::geometry::{
-        DOMAIN_SIDES,
+        BOUNDING_SIDES,
         cell::tests::{bent, sorted},
         spread,
     };
@@ -92,7 +97,7 @@ mod tests {
         let site = sites[0];
         let mut cell = Cell::new();
         let neighbors = sorted(site, &sites[1..]);
-        cell.clip(patch, site, &[1.2; DOMAIN_SIDES], &neighbors);
+        cell.clip(patch, site, &[1.2; BOUNDING_SIDES], &neighbors);
         let moments = cell.moments(patch, site).unwrap();
         (cell, moments)
     }
@@ -107,8 +112,8 @@ mod tests {
             for seed in 0..60_u64 {
                 let roll = |k: u64| spread(1000 * seed + k) as f64 / u64::MAX as f64 - 0.5;
                 // A lattice of hexagons, uneven.
-                let lattice = (-2..=2_i32).flat_map(|i| (-2..=2_i32).map(move |j| (i, j)));
-                let mut sites: Vec<Local> = lattice
+                let quantization = (-2..=2_i32).flat_map(|i| (-2..=2_i32).map(move |j| (i, j)));
+                let mut sites: Vec<Local> = quantization
                     .map(|(i, j)| {
                         let x = f64::from(i) + 0.5 * f64::from(j);
                         let k = 2 * (5 * (i + 2) + j + 2) as u64;

@@ -26,7 +26,7 @@ use super::{
     octree::{NodeKey, Octree},
 };
 use crate::{
-    geometry::{Lattice, Rect, Stored},
+    geometry::{Quantization, Rect, Stored},
     tile::{Spill, TileError},
 };
 
@@ -109,7 +109,7 @@ struct Entry {
 /// table of nodes begins, an extended record.
 pub(super) fn write_octree<W: Write + Seek + Send>(
     spill: &Spill,
-    lattice: &Lattice,
+    quantization: &Quantization,
     spacing: i64,
     record: &RecordFormat,
     sort_bytes: usize,
@@ -165,7 +165,7 @@ pub(super) fn write_octree<W: Write + Seek + Send>(
         let lost = format!("{taken} of {points} points have a node; please report this");
         return Err(io::Error::other(lost).into());
     }
-    let table_at = nodes.finish(&octree, lattice)?;
+    let table_at = nodes.finish(&octree, quantization)?;
     Ok((nodes.file, table_at))
 }
 
@@ -303,7 +303,7 @@ impl<W: Write + Seek + Send> Nodes<W> {
     }
 
     /// Writes the table of chunks, the table of nodes, and what the file says of them.
-    fn finish(&mut self, octree: &Octree, lattice: &Lattice) -> io::Result<u64> {
+    fn finish(&mut self, octree: &Octree, quantization: &Quantization) -> io::Result<u64> {
         self.chunks.write_to(&mut self.file, &self.compression)?;
         let table_at = self.file.stream_position()?;
         self.file.seek(SeekFrom::Start(self.start))?;
@@ -329,15 +329,16 @@ impl<W: Write + Seek + Send> Nodes<W> {
         self.file.write_all(&head)?;
         self.file.write_all(&table)?;
 
-        let half = 0.5 * octree.edge() as f64 * lattice.scale;
+        let half = 0.5 * octree.edge() as f64 * quantization.scale;
         let corner = octree.corner();
         let mut info = Vec::new();
         for axis in 0..3 {
-            let center = lattice.offset[axis] + corner[axis] as f64 * lattice.scale + half;
+            let center =
+                quantization.offset[axis] + corner[axis] as f64 * quantization.scale + half;
             info.extend(center.to_le_bytes());
         }
         info.extend(half.to_le_bytes());
-        info.extend((octree.root_spacing() * lattice.scale).to_le_bytes());
+        info.extend((octree.root_spacing() * quantization.scale).to_le_bytes());
         info.extend((table_at + head.len() as u64).to_le_bytes());
         info.extend((table.len() as u64).to_le_bytes());
         for time in self.times {

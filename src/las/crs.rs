@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 /// A coordinate reference system.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Crs {
+pub(crate) enum Crs {
     /// Well-known text.
     Wkt(String),
     /// GeoTIFF keys, of which these are codes of the EPSG registry.
@@ -34,7 +34,7 @@ const CODES: std::ops::RangeInclusive<u16> = 1024..=32_766;
 impl Crs {
     /// The system that the variable length records of a file state, WKT before
     /// GeoTIFF; `None` if they state none.
-    pub fn from_vlrs<'a>(vlrs: impl Iterator<Item = &'a Vlr> + Clone) -> Option<Self> {
+    pub(crate) fn from_vlrs<'a>(vlrs: impl Iterator<Item = &'a Vlr> + Clone) -> Option<Self> {
         let projection = vlrs.filter(|vlr| vlr.user_id == PROJECTION);
         let wkt = projection
             .clone()
@@ -71,12 +71,12 @@ impl Crs {
     }
 
     /// The system of an EPSG code, if its text is known.
-    pub fn of_epsg(code: u16) -> Option<Self> {
+    pub(crate) fn of_epsg(code: u16) -> Option<Self> {
         crs_definitions::from_code(code).map(|found| Self::Wkt(found.wkt.to_owned()))
     }
 
     /// Whether coordinates are degrees: a spacing would mean nothing.
-    pub fn is_geographic(&self) -> bool {
+    pub(crate) fn is_geographic(&self) -> bool {
         match self {
             Self::Wkt(text) => {
                 let head = text.trim_start().to_ascii_uppercase();
@@ -101,7 +101,7 @@ impl Crs {
     }
 
     /// Metres to a unit of its horizontal coordinates; `None` if it does not say.
-    pub fn metres_per_unit(&self) -> Option<f64> {
+    pub(crate) fn metres_per_unit(&self) -> Option<f64> {
         if let Self::GeoTiff { records, .. } = self
             && let Some((_, keys)) = records.iter().find(|(id, _)| *id == 34_735)
         {
@@ -117,7 +117,7 @@ impl Crs {
     }
 
     /// Whether both mean the same, as far as their texts or codes tell.
-    pub fn same_as(&self, other: &Self) -> bool {
+    pub(crate) fn same_as(&self, other: &Self) -> bool {
         match (self.wkt(), other.wkt()) {
             (Some(one), Some(other)) => {
                 let bare = |text: &str| text.split_whitespace().collect::<String>();
@@ -142,7 +142,7 @@ impl Crs {
     }
 
     /// A short name for tables: the code, or the name in the text.
-    pub fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         match self {
             Self::Wkt(text) => text.split('"').nth(1).unwrap_or("unnamed").to_owned(),
             Self::GeoTiff {
@@ -155,7 +155,7 @@ impl Crs {
 
     /// The well-known text: as found, or of the EPSG codes; `None` if the keys
     /// name no code.
-    pub fn wkt(&self) -> Option<String> {
+    pub(crate) fn wkt(&self) -> Option<String> {
         let text = |code: u16| crs_definitions::from_code(code).map(|found| found.wkt);
         match self {
             Self::Wkt(text) => Some(text.clone()),
@@ -179,7 +179,7 @@ impl Crs {
     }
 
     /// The records to write: WKT where there is any, else the GeoTIFF keys.
-    pub fn vlrs(&self) -> Vec<Vlr> {
+    pub(crate) fn vlrs(&self) -> Vec<Vlr> {
         let vlr = |record_id, description: &str, data| Vlr {
             user_id: PROJECTION.to_owned(),
             record_id,

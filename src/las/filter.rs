@@ -12,23 +12,23 @@ const WITHHELD: u8 = 1 << 2;
 
 /// A condition on points; by default all fulfil it. Places are in the CRS of the data.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct PointFilter {
+pub(crate) struct PointFilter {
     /// Classes to keep; `None` for all.
-    pub keep_classes: Option<Vec<u8>>,
+    pub(crate) keep_classes: Option<Vec<u8>>,
     /// Classes to leave out.
-    pub drop_classes: Vec<u8>,
+    pub(crate) drop_classes: Vec<u8>,
     /// Whether points that are withheld are left out.
-    pub drop_withheld: bool,
+    pub(crate) drop_withheld: bool,
     /// West, south, east and north side; points on them are inside.
-    pub bounds: Option<[f64; 4]>,
+    pub(crate) bounds: Option<[f64; 4]>,
     /// The ground to keep; points on its edges are inside.
-    pub polygons: Option<Ground>,
+    pub(crate) polygons: Option<Ground>,
 }
 
 /// Polygons, as rings of corners: of each the outer ring, then its holes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(from = "Rings", into = "Rings")]
-pub struct Ground {
+pub(crate) struct Ground {
     polygons: MultiPolygon<f64>,
     /// West, south, east and north side.
     bounds: [f64; 4],
@@ -42,7 +42,7 @@ impl Ground {
     /// # Errors
     ///
     /// A text that says what is wrong with it.
-    pub fn from_file(path: &Path) -> Result<Self, String> {
+    pub(crate) fn from_file(path: &Path) -> Result<Self, String> {
         let text = std::fs::read_to_string(path).map_err(|e| format!("cannot be read: {e}"))?;
         Self::from_text(&text)
     }
@@ -125,7 +125,7 @@ impl From<Ground> for Rings {
 
 impl PointFilter {
     /// Whether all points fulfil it.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         *self == Self::default()
     }
 

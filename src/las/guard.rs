@@ -26,7 +26,7 @@ thread_local! {
 
 /// Whether this thread decodes: a panic then is no more than damaged data, and is told
 /// as such. For a panic hook to be quiet about.
-pub fn is_decoding() -> bool {
+pub(crate) fn is_decoding() -> bool {
     STACK.get() != 0
 }
 

@@ -12,7 +12,7 @@ use super::LasError;
 ///
 /// A file that is not there, a directory without scans, a pattern without a
 /// match, a name that is neither file nor directory.
-pub fn expand_inputs(arguments: &[PathBuf]) -> Result<Vec<PathBuf>, LasError> {
+pub(crate) fn expand_inputs(arguments: &[PathBuf]) -> Result<Vec<PathBuf>, LasError> {
     let mut files = Vec::new();
     for argument in arguments {
         let before = files.len();

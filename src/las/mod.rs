@@ -24,16 +24,17 @@ mod record;
 mod tiled;
 mod writing;
 
-pub use ::las::Vlr;
-pub use crs::Crs;
-pub use filter::{Ground, PointFilter};
-pub use guard::is_decoding;
-pub use inputs::expand_inputs;
-pub use ply::{PlyFile, PlyStream};
-pub use reading::{InputFile, PointStream};
-pub use record::{ExtraByte, RecordFormat};
-pub(crate) use record::{Looks, move_to};
-pub use writing::{CloudHeader, CloudWriter, CompleteCloud, Format, Workspace};
+pub(crate) use ::las::Vlr;
+pub(crate) use crs::Crs;
+pub(crate) use filter::{Ground, PointFilter};
+pub(crate) use guard::is_decoding;
+pub(crate) use inputs::expand_inputs;
+pub use ply::PlyFile;
+pub use ply::PlyStream;
+pub(crate) use reading::{InputFile, PointStream};
+pub(crate) use record::{DisplayAttributes, move_to};
+pub(crate) use record::{ExtraByte, RecordFormat};
+pub(crate) use writing::{CloudHeader, CloudWriter, CompleteCloud, Format, Workspace};
 
 use std::path::Path;
 
@@ -42,9 +43,9 @@ use std::path::Path;
 #[error("{path}: {problem}")]
 pub struct LasError {
     /// The file.
-    pub path: String,
+    pub(crate) path: String,
     /// What is wrong, with the numbers, and what to do.
-    pub problem: String,
+    pub(crate) problem: String,
 }
 
 impl LasError {

@@ -146,7 +146,7 @@ impl Octree {
     fn choose(&self, points: &[(u64, Stored)], level: u32, levels: &mut [u8]) {
         let best = (0..points.len())
             .filter(|&i| levels[i] == u8::MAX)
-            .max_by_key(|&i| (points[i].1.lot(), points[i].1));
+            .max_by_key(|&i| (points[i].1.tie_break_hash(), points[i].1));
         let Some(best) = best else {
             return;
         };
@@ -243,7 +243,7 @@ mod tests {
             let mut best = HashMap::<u64, usize>::new();
             for &i in &left {
                 let voxel = points[i].0 >> (3 * (octree.deepest - level));
-                let rank = |i: usize| (points[i].1.lot(), points[i].1);
+                let rank = |i: usize| (points[i].1.tie_break_hash(), points[i].1);
                 let kept = best.entry(voxel).or_insert(i);
                 if rank(i) > rank(*kept) {
                     *kept = i;

@@ -7,11 +7,11 @@ use super::{
     CloudHeader, ExtraByte,
     ply::{CRS_COMMENT, EXTRA_COMMENT, TIME_COMMENT},
 };
-use crate::geometry::{Lattice, Stored};
+use crate::geometry::{Quantization, Stored};
 
 /// How a record becomes a vertex.
 pub(super) struct Vertices {
-    lattice: Lattice,
+    quantization: Quantization,
     properties: Vec<Property>,
 }
 
@@ -59,7 +59,7 @@ impl Vertices {
             at += extra.length;
         }
         Self {
-            lattice: header.lattice,
+            quantization: header.quantization,
             properties,
         }
     }
@@ -98,7 +98,7 @@ impl Vertices {
 
     /// Appends the vertex of `record`.
     pub(super) fn append(&self, record: &[u8], out: &mut Vec<u8>) {
-        for c in self.lattice.world(Stored::of_record(record)) {
+        for c in self.quantization.world(Stored::of_record(record)) {
             out.extend(c.to_le_bytes());
         }
         for property in &self.properties {

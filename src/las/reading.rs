@@ -22,7 +22,7 @@ use super::{
     header::{extended_records, read_header, text_of},
     record::{Converter, DESCRIPTOR_BYTES},
 };
-use crate::{geometry::Lattice, tile::PointCounts};
+use crate::{geometry::Quantization, tile::PointCounts};
 
 /// Points decoded at a time …
 const BATCH: u64 = 65_536;
@@ -39,36 +39,36 @@ const MOST_PARTS: u64 = 4096;
 
 /// What the headers of a file say.
 #[derive(Clone, Debug)]
-pub struct InputFile {
+pub(crate) struct InputFile {
     /// Where it is.
-    pub path: PathBuf,
+    pub(crate) path: PathBuf,
     /// Its length in bytes.
-    pub bytes: u64,
+    pub(crate) bytes: u64,
     /// LAS version: major and minor.
-    pub version: [u8; 2],
+    pub(crate) version: [u8; 2],
     /// Points it claims to hold.
-    pub points_claimed: u64,
+    pub(crate) points_claimed: u64,
     /// Bounds it claims, in world coordinates: min, max.
-    pub bounds_claimed: [[f64; 3]; 2],
+    pub(crate) bounds_claimed: [[f64; 3]; 2],
     /// The same where the claim can be true, else those of the points.
-    pub bounds: [[f64; 3]; 2],
+    pub(crate) bounds: [[f64; 3]; 2],
     /// Scale of its coordinates.
-    pub scale: [f64; 3],
+    pub(crate) scale: [f64; 3],
     /// Offset of its coordinates.
-    pub offset: [f64; 3],
+    pub(crate) offset: [f64; 3],
     /// Its coordinate reference system, if it states one.
-    pub crs: Option<Crs>,
+    pub(crate) crs: Option<Crs>,
     /// Its extra bytes, in order.
-    pub extra_bytes: Vec<ExtraByte>,
+    pub(crate) extra_bytes: Vec<ExtraByte>,
     /// Records that are as true of the output: what classes are called, and the text that
     /// describes the area.
-    pub kept_records: Vec<Vlr>,
+    pub(crate) kept_records: Vec<Vlr>,
     /// Whether GPS times are adjusted standard times, not seconds of the week.
-    pub has_standard_time: bool,
+    pub(crate) has_standard_time: bool,
     /// The program that wrote it.
-    pub generating_software: String,
+    pub(crate) generating_software: String,
     /// What is odd about it.
-    pub notes: Vec<String>,
+    pub(crate) notes: Vec<String>,
     pub(super) format: Format,
     pub(super) access: Access,
 }
@@ -100,7 +100,7 @@ impl InputFile {
     ///
     /// If there is no such file, it cannot be read, is neither a LAS or LAZ file of
     /// version 1.0 to 1.4 nor, by its name, PLY or E57, or says what cannot be.
-    pub fn survey(path: &Path) -> Result<Self, LasError> {
+    pub(crate) fn survey(path: &Path) -> Result<Self, LasError> {
         let wrong = |problem: String| LasError::new(path, problem);
         let metadata =
             std::fs::metadata(path).map_err(|e| wrong(format!("cannot be read: {e}")))?;
@@ -229,7 +229,7 @@ impl InputFile {
     }
 
     /// A lattice for the points of all `inputs`, as fine as the finest of theirs.
-    pub(crate) fn common_lattice<'a>(inputs: impl Iterator<Item = &'a Self>) -> Lattice {
+    pub(crate) fn common_quantization<'a>(inputs: impl Iterator<Item = &'a Self>) -> Quantization {
         let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         let mut scale = f64::INFINITY;
         for input in inputs {
@@ -239,7 +239,7 @@ impl InputFile {
                 scale = scale.min(input.scale[axis]);
             }
         }
-        Lattice::around(min, max, scale)
+        Quantization::around(min, max, scale)
     }
 
     /// Its chunks, if they differ in length.
@@ -251,7 +251,7 @@ impl InputFile {
     }
 
     /// What kind of file it is, as people call it.
-    pub fn kind(&self) -> &'static str {
+    pub(crate) fn kind(&self) -> &'static str {
         match &self.access {
             Access::Ply(_) => "PLY",
             #[cfg(feature = "e57")]
@@ -281,7 +281,7 @@ impl InputFile {
 
     /// Its points in parts that can be read apart from each other, each of about
     /// `points`; without those of an octree of which `filter` wants none.
-    pub fn parts(&self, points: u64, filter: &PointFilter) -> Vec<Range<u64>> {
+    pub(crate) fn parts(&self, points: u64, filter: &PointFilter) -> Vec<Range<u64>> {
         let all = self.points_claimed;
         // The claim may be a lie: it must not say how much is allocated.
         let points = points.max(all.div_ceil(MOST_PARTS));
@@ -347,20 +347,15 @@ impl InputFile {
     }
 
     /// The format of its points.
-    pub fn format(&self) -> Format {
+    pub(crate) fn format(&self) -> Format {
         self.format
     }
 
     /// Number of the format, as in the specification.
-    pub fn format_number(&self) -> u8 {
+    pub(crate) fn format_number(&self) -> u8 {
         let mut plain = self.format;
         plain.is_compressed = false;
         plain.to_u8().unwrap_or(u8::MAX)
-    }
-
-    /// Whether it is LAZ.
-    pub fn is_compressed(&self) -> bool {
-        self.format.is_compressed
     }
 }
 
@@ -413,7 +408,7 @@ fn parts_of(chunks: &[Chunk], points: u64, all: u64, filter: &PointFilter) -> Ve
 
 /// The points of a part of a file, as records of the run.
 #[allow(missing_debug_implementations, reason = "the reader inside has none")]
-pub struct PointStream {
+pub(crate) struct PointStream {
     path: PathBuf,
     decoder: Decoder,
     record_length: usize,
@@ -435,18 +430,18 @@ impl PointStream {
     /// # Errors
     ///
     /// If the file cannot be opened (any more), or the part not be found in it.
-    pub fn open(
+    pub(crate) fn open(
         input: &InputFile,
         part: Range<u64>,
         record: &RecordFormat,
-        lattice: Lattice,
+        quantization: Quantization,
         filter: &PointFilter,
     ) -> Result<Self, LasError> {
         Ok(Self {
             path: input.path.clone(),
             decoder: Decoder::open(input, &part)?,
             record_length: input.format.len().into(),
-            converter: Converter::new(input, record, lattice),
+            converter: Converter::new(input, record, quantization),
             filter: filter.clone(),
             part,
             claimed: input.points_claimed,
@@ -464,7 +459,7 @@ impl PointStream {
     /// # Errors
     ///
     /// If the file ends early or cannot be decoded.
-    pub fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<PointCounts, LasError> {
+    pub(crate) fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<PointCounts, LasError> {
         records.clear();
         let mut counts = PointCounts::default();
         let wanted = self

@@ -1,7 +1,7 @@
 //! The run's record: LAS 1.4 format 6, 7 or 8, and extra bytes.
 //!
 //! ```text
-//!    0  x y z            3 × i32, on the run's lattice
+//!    0  x y z            3 × i32, on the run's quantization
 //!   12  intensity        u16
 //!   14  returns          number (4 bits), of how many (4 bits)
 //!   15  flags            synthetic key-point withheld overlap, channel (2),
@@ -22,18 +22,18 @@
 use serde::{Deserialize, Serialize};
 
 use super::{InputFile, LasError};
-use crate::geometry::{Lattice, Stored};
+use crate::geometry::{Quantization, Stored};
 
 /// An extra-bytes attribute.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ExtraByte {
+pub(crate) struct ExtraByte {
     /// Its name.
-    pub name: String,
+    pub(crate) name: String,
     /// Its length in bytes.
-    pub length: usize,
+    pub(crate) length: usize,
     /// The 192 bytes of the specification that describe it; empty for bytes
     /// that no record describes.
-    pub descriptor: Vec<u8>,
+    pub(crate) descriptor: Vec<u8>,
 }
 
 /// Length of a descriptor (LAS 1.4, table 24).
@@ -100,12 +100,12 @@ impl ExtraByte {
 
 /// Format of all records of a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RecordFormat {
+pub(crate) struct RecordFormat {
     /// LAS point format: 6, 7 or 8.
-    pub point_format: u8,
+    pub(crate) point_format: u8,
     /// Extra bytes, in order: those that no record describes last, as there is nothing
     /// that would say how long they are.
-    pub extra_bytes: Vec<ExtraByte>,
+    pub(crate) extra_bytes: Vec<ExtraByte>,
 }
 
 impl RecordFormat {
@@ -116,7 +116,7 @@ impl RecordFormat {
     /// # Errors
     ///
     /// If two inputs give one name to attributes of different types.
-    pub fn for_inputs(inputs: &[InputFile]) -> Result<Self, LasError> {
+    pub(crate) fn for_inputs(inputs: &[InputFile]) -> Result<Self, LasError> {
         let point_format = inputs
             .iter()
             .map(|input| {
@@ -194,17 +194,17 @@ impl RecordFormat {
     }
 
     /// Length of the extra bytes of a record.
-    pub fn extra_length(&self) -> usize {
+    pub(crate) fn extra_length(&self) -> usize {
         self.extra_bytes.iter().map(|extra| extra.length).sum()
     }
 
     /// Length of a record in bytes.
-    pub fn record_length(&self) -> usize {
+    pub(crate) fn record_length(&self) -> usize {
         self.standard_length() + self.extra_length()
     }
 
     /// Whether records have colour.
-    pub fn has_color(&self) -> bool {
+    pub(crate) fn has_color(&self) -> bool {
         self.point_format >= 7
     }
 }
@@ -233,7 +233,7 @@ pub(crate) fn move_to(record: &mut [u8], place: Stored) {
 
 /// What of a record meets the eye.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Looks {
+pub(crate) struct DisplayAttributes {
     /// Intensity of the return.
     pub(crate) intensity: u16,
     /// Red, green and blue; zeros where records have none.
@@ -242,7 +242,7 @@ pub(crate) struct Looks {
     pub(crate) class: u8,
 }
 
-impl Looks {
+impl DisplayAttributes {
     /// That of `record`, of a format with colour or without.
     ///
     /// # Panics
@@ -289,7 +289,7 @@ enum ExtraSource {
 /// Turns the records of one input into the run's.
 #[derive(Clone, Debug)]
 pub(super) struct Converter {
-    lattice: Lattice,
+    quantization: Quantization,
     scale: [f64; 3],
     offset: [f64; 3],
     is_extended: bool,
@@ -302,7 +302,11 @@ pub(super) struct Converter {
 }
 
 impl Converter {
-    pub(super) fn new(input: &InputFile, record: &RecordFormat, lattice: Lattice) -> Self {
+    pub(super) fn new(
+        input: &InputFile,
+        record: &RecordFormat,
+        quantization: Quantization,
+    ) -> Self {
         let format = input.format();
         let gps_at = if format.is_extended { 22 } else { 20 };
         let color_at = gps_at + if format.has_gps_time { 8 } else { 0 };
@@ -328,7 +332,7 @@ impl Converter {
             })
             .collect();
         Self {
-            lattice,
+            quantization,
             scale: input.scale,
             offset: input.offset,
             is_extended: format.is_extended,
@@ -354,7 +358,7 @@ impl Converter {
     /// if the point lies outside of what the lattice can hold.
     pub(super) fn convert(&self, raw: &[u8], out: &mut Vec<u8>) -> bool {
         let world = self.world(raw);
-        let Some(point) = self.lattice.quantise(world) else {
+        let Some(point) = self.quantization.quantise(world) else {
             return false;
         };
         for c in [point.x, point.y, point.z] {

@@ -31,8 +31,8 @@ pub(super) fn write_tiles(
 ) -> Result<u64, LasError> {
     let squares = Squares {
         edge: workspace.tile_edge,
-        scale: header.lattice.scale,
-        offset: header.lattice.offset,
+        scale: header.quantization.scale,
+        offset: header.quantization.offset,
     };
     let (mut bytes, mut points) = (0, 0);
     let mut features = Vec::new();
@@ -68,7 +68,8 @@ pub(super) fn write_tiles(
         progress(cloud.points());
         bytes += cloud.bytes();
         points += cloud.points();
-        let [low, high] = heights.map(|z| header.lattice.offset[2] + f64::from(z) * squares.scale);
+        let [low, high] =
+            heights.map(|z| header.quantization.offset[2] + f64::from(z) * squares.scale);
         features.push(json!({
             "type": "Feature",
             "properties": {

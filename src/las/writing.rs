@@ -22,13 +22,13 @@ use super::{
     tiled::{holds_tiles, write_tiles},
 };
 use crate::{
-    geometry::{Lattice, Stored},
+    geometry::{Quantization, Stored},
     tile::{CellGrid, SpillWriter},
 };
 
 /// What is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
+pub(crate) enum Format {
     /// Uncompressed LAS.
     Las,
     /// Compressed LAS.
@@ -47,7 +47,7 @@ impl Format {
     /// # Errors
     ///
     /// If it asks for none that can be written.
-    pub fn of_path(path: &Path) -> Result<Self, LasError> {
+    pub(crate) fn of_path(path: &Path) -> Result<Self, LasError> {
         let name = path
             .file_name()
             .map(|name| name.to_string_lossy().to_ascii_lowercase())
@@ -71,7 +71,7 @@ impl Format {
     /// # Errors
     ///
     /// If such a one is at `path`.
-    pub fn check_replaceable(self, path: &Path) -> Result<(), LasError> {
+    pub(crate) fn check_replaceable(self, path: &Path) -> Result<(), LasError> {
         match path.is_dir() && !(self == Self::Tiles && holds_tiles(path)) {
             true => Err(LasError::new(
                 path,
@@ -84,39 +84,39 @@ impl Format {
 
 /// What a writer that has to sort its points goes by.
 #[derive(Clone, Debug)]
-pub struct Workspace {
+pub(crate) struct Workspace {
     /// How far points are apart, about (CRS units).
-    pub spacing: f64,
+    pub(crate) spacing: f64,
     /// Edge of the tiles, if they are asked for (CRS units).
-    pub tile_edge: f64,
+    pub(crate) tile_edge: f64,
     /// Path of temporary files, without their endings.
-    pub stem: PathBuf,
+    pub(crate) stem: PathBuf,
     /// Memory for buffers while points come in, in bytes.
-    pub buffer_bytes: usize,
+    pub(crate) buffer_bytes: usize,
     /// Memory for what is sorted, in bytes.
-    pub sort_bytes: usize,
+    pub(crate) sort_bytes: usize,
 }
 
 /// What the header of an output says.
 #[derive(Clone, Debug)]
-pub struct CloudHeader {
+pub(crate) struct CloudHeader {
     /// Format of the records.
-    pub record: RecordFormat,
+    pub(crate) record: RecordFormat,
     /// Scale and offset.
-    pub lattice: Lattice,
+    pub(crate) quantization: Quantization,
     /// Coordinate reference system.
-    pub crs: Option<Crs>,
+    pub(crate) crs: Option<Crs>,
     /// Variable length records of the inputs that are as true of it.
-    pub kept_records: Vec<Vlr>,
+    pub(crate) kept_records: Vec<Vlr>,
     /// Whether GPS times are adjusted standard times.
-    pub has_standard_time: bool,
+    pub(crate) has_standard_time: bool,
     /// How the cloud was made, as JSON.
-    pub provenance: String,
+    pub(crate) provenance: String,
 }
 
 /// A cloud that is being written.
 #[allow(missing_debug_implementations, reason = "the writer inside has none")]
-pub struct CloudWriter {
+pub(crate) struct CloudWriter {
     path: PathBuf,
     part: PathBuf,
     body: Body,
@@ -130,7 +130,7 @@ enum Body {
         writer: Box<Writer<Sink>>,
         format: PointFormat,
         transforms: Vector<Transform>,
-        lattice: Lattice,
+        quantization: Quantization,
         /// Least and greatest coordinates so far.
         bounds: [[i32; 3]; 2],
     },
@@ -171,7 +171,7 @@ impl CloudWriter {
     /// # Errors
     ///
     /// If no file can be made there.
-    pub fn create(
+    pub(crate) fn create(
         path: &Path,
         format: Format,
         header: &CloudHeader,
@@ -217,7 +217,7 @@ impl CloudWriter {
                     writer: Box::new(Writer::new(sink(file), las).map_err(|e| wrong(&e))?),
                     format,
                     transforms,
-                    lattice: header.lattice,
+                    quantization: header.quantization,
                     bounds: [[i32::MAX; 3], [i32::MIN; 3]],
                 }
             }
@@ -227,7 +227,7 @@ impl CloudWriter {
                 workspace: workspace.clone(),
                 spill: SpillWriter::create(
                     &workspace.stem,
-                    CellGrid::new(header.lattice.units(SORTED_CELL * workspace.spacing)),
+                    CellGrid::new(header.quantization.units(SORTED_CELL * workspace.spacing)),
                     header.record.record_length(),
                     workspace.buffer_bytes,
                 )
@@ -251,7 +251,7 @@ impl CloudWriter {
     /// # Errors
     ///
     /// If they cannot be written.
-    pub fn write(&mut self, records: &[u8]) -> Result<(), LasError> {
+    pub(crate) fn write(&mut self, records: &[u8]) -> Result<(), LasError> {
         match &mut self.body {
             Body::Las {
                 writer,
@@ -304,7 +304,7 @@ impl CloudWriter {
     }
 
     /// Points written so far.
-    pub fn points(&self) -> u64 {
+    pub(crate) fn points(&self) -> u64 {
         self.points
     }
 
@@ -314,7 +314,7 @@ impl CloudWriter {
     /// # Errors
     ///
     /// If it cannot be completed; nothing is left of it then.
-    pub fn complete(mut self, progress: &dyn Fn(u64)) -> Result<CompleteCloud, LasError> {
+    pub(crate) fn complete(mut self, progress: &dyn Fn(u64)) -> Result<CompleteCloud, LasError> {
         let path = self.path.clone();
         let wrong =
             |e: &dyn std::fmt::Display| LasError::new(&path, format!("cannot be written: {e}"));
@@ -324,7 +324,7 @@ impl CloudWriter {
         match std::mem::replace(&mut self.body, Body::Complete) {
             Body::Las {
                 mut writer,
-                lattice,
+                quantization,
                 bounds,
                 ..
             } => {
@@ -333,7 +333,7 @@ impl CloudWriter {
                 // goes to the file when the writer is dropped.
                 drop(writer);
                 amendments.push((LEGACY_COUNTS.0, vec![0; LEGACY_COUNTS.1]));
-                amendments.push((BOUNDS, header_bounds(&lattice, &bounds, points)));
+                amendments.push((BOUNDS, header_bounds(&quantization, &bounds, points)));
             }
             Body::Ply {
                 mut sink, count_at, ..
@@ -362,8 +362,8 @@ impl CloudWriter {
                 las.write_to(&mut file).map_err(|e| wrong(&e))?;
                 let (mut file, table_at) = write_octree(
                     &spill,
-                    &header.lattice,
-                    header.lattice.units(workspace.spacing),
+                    &header.quantization,
+                    header.quantization.units(workspace.spacing),
                     &header.record,
                     workspace.sort_bytes,
                     file,
@@ -373,7 +373,7 @@ impl CloudWriter {
                 file.flush().map_err(|e| wrong(&e))?;
                 let bounds = spill.bounds();
                 let bounds = [bounds.min, bounds.max];
-                amendments.push((BOUNDS, header_bounds(&header.lattice, &bounds, points)));
+                amendments.push((BOUNDS, header_bounds(&header.quantization, &bounds, points)));
                 // One extended record; all points are first returns.
                 let mut counts = table_at.to_le_bytes().to_vec();
                 counts.extend(1_u32.to_le_bytes());
@@ -432,7 +432,7 @@ impl Drop for CloudWriter {
 
 /// A cloud on the disk, under another name; removed unless it is delivered.
 #[derive(Debug)]
-pub struct CompleteCloud {
+pub(crate) struct CompleteCloud {
     path: PathBuf,
     part: PathBuf,
     points: u64,
@@ -442,17 +442,17 @@ pub struct CompleteCloud {
 
 impl CompleteCloud {
     /// Where it is until then.
-    pub fn part(&self) -> &Path {
+    pub(crate) fn part(&self) -> &Path {
         &self.part
     }
 
     /// Points in it.
-    pub fn points(&self) -> u64 {
+    pub(crate) fn points(&self) -> u64 {
         self.points
     }
 
     /// Its length.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         self.bytes
     }
 
@@ -461,7 +461,7 @@ impl CompleteCloud {
     /// # Errors
     ///
     /// If it cannot be renamed; nothing is left of it then.
-    pub fn deliver(mut self) -> Result<(), LasError> {
+    pub(crate) fn deliver(mut self) -> Result<(), LasError> {
         let wrong = |e| LasError::new(&self.path, format!("cannot be written: {e}"));
         if self.part.is_dir() && self.path.is_dir() {
             // A directory does not replace another one that is not empty.
@@ -502,8 +502,8 @@ fn remove(path: &Path) {
 /// The bounds of `points` points as the header has them: those of the
 /// coordinates as every reader computes them, where the writer's own are a unit
 /// wider now and then.
-fn header_bounds(lattice: &Lattice, bounds: &[[i32; 3]; 2], points: u64) -> Vec<u8> {
-    let [min, max] = bounds.map(|[x, y, z]| lattice.world(Stored { x, y, z }));
+fn header_bounds(quantization: &Quantization, bounds: &[[i32; 3]; 2], points: u64) -> Vec<u8> {
+    let [min, max] = bounds.map(|[x, y, z]| quantization.world(Stored { x, y, z }));
     (0..3)
         .flat_map(|axis| [max[axis], min[axis]])
         .flat_map(|c| if points == 0 { 0.0_f64 } else { c }.to_le_bytes())
@@ -525,8 +525,8 @@ fn las_header(header: &CloudHeader, written: Format) -> ::las::Result<::las::Hea
         GpsTimeType::Week
     };
     let transform = |axis: usize| Transform {
-        scale: header.lattice.scale,
-        offset: header.lattice.offset[axis],
+        scale: header.quantization.scale,
+        offset: header.quantization.offset[axis],
     };
     builder.transforms = Vector {
         x: transform(0),

@@ -12,7 +12,7 @@
 //! In the paper one mixture serves the whole cloud. On a street a few sites
 //! whose domain jumps (edges, poles, leaves) then decide the least squares,
 //! and the check rejects everything. So here both are made by neighbourhood:
-//! cubic blocks aligned to the run's lattice, each with its own mixture and its
+//! cubic blocks aligned to the run's quantization, each with its own mixture and its
 //! own verdict, blended from block to block. One block for all is the paper's.
 
 use rayon::prelude::*;
@@ -160,7 +160,7 @@ impl Anderson {
     }
 }
 
-/// Cubic blocks of sites, aligned to the run's lattice. Where a site belongs is
+/// Cubic blocks of sites, aligned to the run's quantization. Where a site belongs is
 /// decided by its identity, once for all iterations.
 struct Blocks {
     cells: OccupiedCells,

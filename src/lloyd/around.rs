@@ -3,12 +3,12 @@
 use std::ops::Range;
 
 use super::{
-    Options, Restriction, Scan, SeedRule,
+    Restriction, Scan, SeedRule, SolverOptions,
     acceleration::{LINKS, linked},
     fit::{DOMAIN_RADIUS, Fit, Samples},
     neighborhoods::{NEAR, Neighborhoods, bounds, neighbor},
 };
-use crate::geometry::{Cell, DOMAIN_SIDES, Local, Moments, Neighbor, Patch, Reach};
+use crate::geometry::{BOUNDING_SIDES, Cell, Local, Moments, Neighbor, Patch, Reach};
 
 /// No step brings two sites nearer than this, in spacings, or nearer than they
 /// are. On one surface cells see to it; two sides of a leaf do not know of each
@@ -17,7 +17,7 @@ const CLEARANCE: f64 = 0.7;
 
 /// The clearance (CRS units) that holds for the sites of `options`. Seeds that
 /// were not elected start in clumps, which it would keep from spreading.
-pub(super) fn clearance(options: &Options) -> f64 {
+pub(super) fn clearance(options: &SolverOptions) -> f64 {
     match options.seeds {
         SeedRule::Hexagonal | SeedRule::Poisson => CLEARANCE * options.spacing,
         SeedRule::Area | SeedRule::Random => 0.0,
@@ -107,8 +107,8 @@ pub(super) struct Around<'a> {
 }
 
 impl Around<'_> {
-    /// Looks up the samples around the whole block, for all its patches to come.
-    pub(super) fn look_for_samples(&mut self, scan: &Scan, options: &Options) {
+    /// DisplayAttributes up the samples around the whole block, for all its patches to come.
+    pub(super) fn look_for_samples(&mut self, scan: &Scan, options: &SolverOptions) {
         if !self.scratch.has_samples {
             let places = &self.neighborhoods.places()[self.block.clone()];
             let [low, high] = bounds(places.iter().copied());
@@ -118,7 +118,7 @@ impl Around<'_> {
     }
 
     /// III-B: the patch of the site.
-    pub(super) fn fit(&mut self, scan: &Scan, options: &Options) -> Option<Fit> {
+    pub(super) fn fit(&mut self, scan: &Scan, options: &SolverOptions) -> Option<Fit> {
         let Scratch {
             samples,
             has_samples,
@@ -138,12 +138,12 @@ impl Around<'_> {
         &mut self,
         fit: &mut Fit,
         scan: &Scan,
-        options: &Options,
+        options: &SolverOptions,
     ) -> Option<Moments> {
         self.look_near();
         if self.was_open || !self.closed_cell(&fit.patch) {
             Neighbor::sort(&mut self.scratch.neighbors);
-            self.clipped_cell(&fit.patch, &[DOMAIN_RADIUS * self.spacing; DOMAIN_SIDES]);
+            self.clipped_cell(&fit.patch, &[DOMAIN_RADIUS * self.spacing; BOUNDING_SIDES]);
             if self.asks_far {
                 self.clip_on(&fit.patch);
             }

@@ -1,11 +1,11 @@
 //! What of a cloud is known, what is asked for, and what can matter to that.
 
-use super::Options;
-use crate::geometry::{Lattice, Local, Rect, Stored};
+use super::SolverOptions;
+use crate::geometry::{Local, Quantization, Rect, Stored};
 
 /// What part of the plane is known, and what part is asked for.
 #[derive(Clone, Copy, Debug)]
-pub struct Domain {
+pub struct TileRegion {
     /// Every point of the input in here is in the scan.
     pub known: Rect,
     /// Sites elected in here are wanted …
@@ -15,7 +15,7 @@ pub struct Domain {
     pub band: i64,
 }
 
-impl Domain {
+impl TileRegion {
     /// The whole of a cloud, without tiles.
     pub fn everything() -> Self {
         const FAR: i64 = 1 << 40;
@@ -38,22 +38,26 @@ impl Domain {
 
 /// Which sites can still reach the core: all at first, fewer with every
 /// iteration.
-pub(super) struct Cone<'a> {
-    domain: &'a Domain,
+pub(super) struct DependencyCone<'a> {
+    domain: &'a TileRegion,
     iterations: u32,
     reach: f64,
     seed_margin: i64,
 }
 
-impl<'a> Cone<'a> {
-    pub(super) fn new(domain: &'a Domain, options: &Options, lattice: &Lattice) -> Self {
+impl<'a> DependencyCone<'a> {
+    pub(super) fn new(
+        domain: &'a TileRegion,
+        options: &SolverOptions,
+        quantization: &Quantization,
+    ) -> Self {
         Self {
             domain,
             iterations: options.iterations,
             // Half as much again as influence is taken to travel: what is
             // exact must not be lost to the cone.
-            reach: 1.6 * options.reach_of_an_iteration() / lattice.scale,
-            seed_margin: lattice.units(options.seed_margin()),
+            reach: 1.6 * options.reach_of_an_iteration() / quantization.scale,
+            seed_margin: quantization.units(options.seed_margin()),
         }
     }
 
@@ -64,9 +68,9 @@ impl<'a> Cone<'a> {
     }
 
     /// Whether all seeds within `radius` (CRS units) of `place` are known to be right.
-    pub(super) fn knows(&self, place: Local, radius: f64, lattice: &Lattice) -> bool {
-        lattice.stored(place).is_some_and(|stored| {
-            self.domain.known.depth(stored) >= self.seed_margin + lattice.units(radius)
+    pub(super) fn knows(&self, place: Local, radius: f64, quantization: &Quantization) -> bool {
+        quantization.stored(place).is_some_and(|stored| {
+            self.domain.known.depth(stored) >= self.seed_margin + quantization.units(radius)
         })
     }
 

@@ -22,7 +22,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::{Options, Scan, fit::THICKNESS};
+use super::{Scan, SolverOptions, fit::THICKNESS};
 use crate::geometry::{
     AT_ONCE, Local, NeighborGrid, OccupiedCells, Patch, PatchKind, Stored, cell_of,
 };
@@ -53,7 +53,7 @@ const SURENESS: f64 = 0.25;
 
 /// Places on the surfaces of `scan` that close its holes up to the width that
 /// `options` ask for.
-pub(super) fn filling(scan: &Scan, options: &Options) -> Vec<Stored> {
+pub(super) fn filling(scan: &Scan, options: &SolverOptions) -> Vec<Stored> {
     if options.fill <= 0.0 {
         return Vec::new();
     }
@@ -91,7 +91,7 @@ fn places_at(
     mark: Local,
     landmarks: &NeighborGrid,
     scan: &Scan,
-    options: &Options,
+    options: &SolverOptions,
     near: &mut Vec<Local>,
 ) -> Vec<Stored> {
     let spacing = options.spacing;
@@ -132,7 +132,7 @@ fn places_at(
             }
             let around = Surroundings::of(place, &patch, near, spacing);
             if around.surround() && around.narrowest_way() <= options.fill {
-                places.extend(scan.lattice().stored(place));
+                places.extend(scan.quantization().stored(place));
             }
         }
     }
@@ -201,9 +201,9 @@ fn octant(u: f64, v: f64) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Lattice, spread};
+    use crate::geometry::{Quantization, spread};
 
-    const LATTICE: Lattice = Lattice {
+    const QUANTIZATION: Quantization = Quantization {
         scale: 0.001,
         offset: [0.0; 3],
     };
@@ -215,17 +215,20 @@ mod tests {
         (0..(400.0 * density) as u64)
             .map(|i| (20.0 * unit(2 * i), 20.0 * unit(2 * i + 1)))
             .filter(|&(x, y)| is_scanned(x, y))
-            .filter_map(|(x, y)| LATTICE.stored(Local::new(x, y, 0.02 * x * x)))
+            .filter_map(|(x, y)| QUANTIZATION.stored(Local::new(x, y, 0.02 * x * x)))
             .collect()
     }
 
     fn filled(points: Vec<Stored>, fill: f64) -> Vec<Local> {
-        let options = Options {
+        let options = SolverOptions {
             fill,
-            ..Options::new(1.0)
+            ..SolverOptions::new(1.0)
         };
-        let scan = Scan::new(points, LATTICE, &options);
-        scan.filling().iter().map(|&p| LATTICE.local(p)).collect()
+        let scan = Scan::new(points, QUANTIZATION, &options);
+        scan.filling()
+            .iter()
+            .map(|&p| QUANTIZATION.local(p))
+            .collect()
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! III-B: the patch of a site, and what the fit saw.
 
-use super::{Options, Scan};
-use crate::geometry::{DOMAIN_SIDES, Local, Patch, PatchKind, Reach, domain_corners};
+use super::{Scan, SolverOptions};
+use crate::geometry::{BOUNDING_SIDES, Local, Patch, PatchKind, Reach, bounding_corners};
 
 /// Radius of a cell's domain, in spacings. Seeds cover surfaces at 0.745
 /// spacings, so no cell inside one reaches it.
@@ -48,7 +48,7 @@ impl Fit {
         &mut self,
         site: Local,
         scan: &Scan,
-        options: &Options,
+        options: &SolverOptions,
         samples: &mut Samples,
     ) -> Reach {
         let Self {
@@ -67,7 +67,7 @@ impl Fit {
         let way = site - *anchor;
         let [u, v] = [0, 1].map(|axis| patch.axes[axis].dot(&way));
         let mut reach = **from_anchor;
-        for (reach, [cos, sin]) in reach.iter_mut().zip(domain_corners()) {
+        for (reach, [cos, sin]) in reach.iter_mut().zip(bounding_corners()) {
             let left = (*reach - u * cos - v * sin).max(0.0);
             *reach = (left + margin).min(DOMAIN_RADIUS * options.spacing);
         }
@@ -82,7 +82,7 @@ impl Fit {
 
 /// How far those of `samples` that lie on `patch` reach around `place`.
 fn reach_of(samples: &[Local], patch: &Patch, place: Local, spacing: f64) -> Reach {
-    let mut reach = [0.0_f64; DOMAIN_SIDES];
+    let mut reach = [0.0_f64; BOUNDING_SIDES];
     let [u, v, _] = patch.coordinates(place);
     for &sample in samples {
         let [s, t, height] = patch.coordinates(sample);
@@ -91,7 +91,7 @@ fn reach_of(samples: &[Local], patch: &Patch, place: Local, spacing: f64) -> Rea
         }
         let way = [s - u, t - v];
         let distance = way[0].hypot(way[1]);
-        for (reach, corner) in reach.iter_mut().zip(domain_corners()) {
+        for (reach, corner) in reach.iter_mut().zip(bounding_corners()) {
             let along = way[0] * corner[0] + way[1] * corner[1];
             if along >= WITHIN * distance {
                 *reach = reach.max(along);
@@ -121,8 +121,8 @@ pub(super) struct Samples {
 }
 
 impl Samples {
-    /// Looks up what the patches of places from `low` to `high` may need.
-    pub(super) fn look(&mut self, scan: &Scan, low: Local, high: Local, options: &Options) {
+    /// DisplayAttributes up what the patches of places from `low` to `high` may need.
+    pub(super) fn look(&mut self, scan: &Scan, low: Local, high: Local, options: &SolverOptions) {
         let reach = Local::repeat(options.fit_radius);
         self.around.clear();
         scan.samples()
@@ -147,7 +147,7 @@ impl Samples {
 
     /// Fits the patch at `site`, a place that was looked around; `None` where the
     /// scan does not carry one.
-    pub(super) fn fit(&mut self, site: Local, options: &Options) -> Option<Fit> {
+    pub(super) fn fit(&mut self, site: Local, options: &SolverOptions) -> Option<Fit> {
         let radius = options.fit_radius;
         let (near, points) = self.within(site, radius);
         let patch = Patch::fit(site, near, radius, options.patch)?;
@@ -164,7 +164,12 @@ impl Samples {
 }
 
 /// The patch that keeps to what is nearer, where `patch` rounds an edge.
-fn sharper(patch: &Patch, site: Local, samples: &[Local], options: &Options) -> Option<Patch> {
+fn sharper(
+    patch: &Patch,
+    site: Local,
+    samples: &[Local],
+    options: &SolverOptions,
+) -> Option<Patch> {
     let excess = patch.residual / options.spacing - SHARP;
     if excess <= 0.0 || options.patch == PatchKind::Plane {
         return None;
@@ -176,7 +181,12 @@ fn sharper(patch: &Patch, site: Local, samples: &[Local], options: &Options) -> 
 }
 
 /// The boundary restriction (IV-E).
-pub(super) fn is_allowed(scan: &Scan, fit: &mut Fit, place: Local, options: &Options) -> bool {
+pub(super) fn is_allowed(
+    scan: &Scan,
+    fit: &mut Fit,
+    place: Local,
+    options: &SolverOptions,
+) -> bool {
     let threshold = options
         .restriction
         .threshold(fit.input_spacing, options.spacing);

@@ -34,11 +34,11 @@ mod solver;
 mod step;
 
 pub use acceleration::Acceleration;
-pub use domain::Domain;
+pub use domain::TileRegion;
 pub use restriction::Restriction;
 pub use scan::Scan;
-pub use seeds::{AREA_PER_SEED, ELECTION_RADIUS, SeedRule, Seeds, elect, elected_in};
-pub use solver::{
-    DistanceSums, FARTHEST_NEIGHBOR, FILL, FIT_RADIUS, Options, Site, Solution, describe_places,
-    describe_points, solve, solve_watched,
-};
+pub(crate) use seeds::elected_in;
+pub use seeds::{AREA_PER_SEED, SeedRule, elect};
+pub use solver::DistanceSums;
+pub use solver::{Site, Solution, SolverOptions, describe_places, solve};
+pub(crate) use solver::{describe_points, solve_watched};

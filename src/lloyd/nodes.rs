@@ -22,7 +22,7 @@ use std::{
 use rayon::prelude::*;
 
 use super::{
-    Options, Scan,
+    Scan, SolverOptions,
     fit::{Samples, is_allowed},
     neighborhoods::{BLOCK, BLOCKS_AT_ONCE, bounds},
     seeds::ROW,
@@ -85,7 +85,7 @@ struct Candidate {
 
 impl Nodes {
     /// Lattices with edges of the spacing, from the normals of `scan`.
-    pub(super) fn new(scan: &Scan, options: &Options) -> Self {
+    pub(super) fn new(scan: &Scan, options: &SolverOptions) -> Self {
         let edge = CELL * options.spacing;
         let samples = scan.samples().points();
         let (cells, order) = OccupiedCells::sort(samples, |&p| cell_of(p, edge));
@@ -148,7 +148,7 @@ impl Nodes {
     /// The nodes that the scan has a surface at, on its patches, each with its
     /// distance to the sample that it was found from (in thousandths of a
     /// spacing).
-    pub(super) fn places(&self, scan: &Scan, options: &Options) -> Vec<(u32, Stored)> {
+    pub(super) fn places(&self, scan: &Scan, options: &SolverOptions) -> Vec<(u32, Stored)> {
         let candidates = self.candidates(scan);
         let above: Vec<Local> = candidates
             .iter()
@@ -158,7 +158,7 @@ impl Nodes {
             let candidate = &candidates[own];
             let place = self.on_patch(candidate, above[own], scan, options, samples)?;
             let rank = (candidate.squared.sqrt() * 1e3) as u32;
-            Some((rank, scan.lattice().stored(place)?))
+            Some((rank, scan.quantization().stored(place)?))
         })
     }
 
@@ -241,7 +241,7 @@ impl Nodes {
         candidate: &Candidate,
         above: Local,
         scan: &Scan,
-        options: &Options,
+        options: &SolverOptions,
         samples: &mut Samples,
     ) -> Option<Local> {
         let mut fit = samples.fit(above, options)?;
@@ -259,7 +259,7 @@ impl Nodes {
 fn by_block<T: Send>(
     places: &[Local],
     scan: &Scan,
-    options: &Options,
+    options: &SolverOptions,
     work: impl Fn(&mut Samples, usize) -> Option<T> + Sync,
 ) -> Vec<T> {
     let edge = BLOCK * options.spacing;
@@ -319,21 +319,21 @@ impl Candidate {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Lattice;
+    use crate::geometry::Quantization;
 
-    const LATTICE: Lattice = Lattice {
+    const QUANTIZATION: Quantization = Quantization {
         scale: 0.001,
         offset: [0.0; 3],
     };
 
     /// A plane through the origin that contains `u` and `v`, every 50 units.
-    fn plane(u: Local, v: Local) -> (Nodes, Scan, Options) {
+    fn plane(u: Local, v: Local) -> (Nodes, Scan, SolverOptions) {
         let points: Vec<Stored> = (-60..60)
             .flat_map(|i| (-60..60).map(move |j| (f64::from(i), f64::from(j))))
-            .filter_map(|(i, j)| LATTICE.stored(u * (0.05 * i) + v * (0.05 * j)))
+            .filter_map(|(i, j)| QUANTIZATION.stored(u * (0.05 * i) + v * (0.05 * j)))
             .collect();
-        let options = Options::new(0.5);
-        let scan = Scan::as_scanned(points, LATTICE, &options);
+        let options = SolverOptions::new(0.5);
+        let scan = Scan::as_scanned(points, QUANTIZATION, &options);
         (Nodes::new(&scan, &options), scan, options)
     }
 
@@ -343,7 +343,7 @@ mod tests {
         let mut places: Vec<Local> = nodes
             .places(&scan, &options)
             .into_iter()
-            .map(|(_, place)| LATTICE.local(place) / 0.5)
+            .map(|(_, place)| QUANTIZATION.local(place) / 0.5)
             .filter(|place| place.norm() < 4.0)
             .collect();
         let mut count = 0;
@@ -386,8 +386,8 @@ mod tests {
                 z: 0,
             })
             .collect();
-        let options = Options::new(0.5);
-        let scan = Scan::as_scanned(wire, LATTICE, &options);
+        let options = SolverOptions::new(0.5);
+        let scan = Scan::as_scanned(wire, QUANTIZATION, &options);
         let nodes = Nodes::new(&scan, &options);
         assert!(!nodes.have(Local::new(1.0, 0.0, 0.0)));
         assert!(nodes.places(&scan, &options).is_empty());

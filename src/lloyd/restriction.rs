@@ -32,7 +32,7 @@ const FLOOR: f64 = 0.1;
 impl Restriction {
     /// The threshold (CRS units) at a site whose neighbourhood was scanned at
     /// `input_spacing`, for an output at `spacing`.
-    pub fn threshold(&self, input_spacing: f64, spacing: f64) -> f64 {
+    pub(crate) fn threshold(&self, input_spacing: f64, spacing: f64) -> f64 {
         match *self {
             Self::Local => input_spacing.clamp(FLOOR * spacing, spacing),
             Self::Global(threshold) => threshold,

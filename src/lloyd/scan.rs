@@ -14,9 +14,9 @@ use std::ops::{ControlFlow, Range};
 
 use rayon::prelude::*;
 
-use super::{Options, filling::filling, smoothing::smoothed};
+use super::{SolverOptions, filling::filling, smoothing::smoothed};
 use crate::geometry::{
-    AT_ONCE, Lattice, Local, NeighborGrid, OccupiedCells, Stored, cell_of, spread,
+    AT_ONCE, Local, NeighborGrid, OccupiedCells, Quantization, Stored, cell_of, spread,
 };
 
 /// Voxels to a spacing. Three give some forty samples to a patch of radius
@@ -33,7 +33,7 @@ const SAMPLE_CELL: f64 = 0.4;
 /// The points of a tile, with their samples.
 #[derive(Debug)]
 pub struct Scan {
-    lattice: Lattice,
+    quantization: Quantization,
     seed: u64,
     voxel: f64,
     points: Vec<Stored>,
@@ -56,20 +56,24 @@ impl Scan {
     ///
     /// Unless spacing and fit radius are positive; and as
     /// [`OccupiedCells::sort`].
-    pub fn new(points: Vec<Stored>, lattice: Lattice, options: &Options) -> Self {
+    pub fn new(points: Vec<Stored>, quantization: Quantization, options: &SolverOptions) -> Self {
         let points = if options.smooth > 0.0 {
-            smoothed(Self::thinned(points, &lattice, options), &lattice, options)
+            smoothed(
+                Self::thinned(points, &quantization, options),
+                &quantization,
+                options,
+            )
         } else {
             points
         };
-        let mut scan = Self::as_scanned(points, lattice, options);
+        let mut scan = Self::as_scanned(points, quantization, options);
         if scan
             .voxels
             .ranges()
             .any(|range| range.len() > MOST_PER_VOXEL)
         {
-            let kept = Self::thinned(scan.points, &lattice, options);
-            scan = Self::as_scanned(kept, lattice, options);
+            let kept = Self::thinned(scan.points, &quantization, options);
+            scan = Self::as_scanned(kept, quantization, options);
         }
         let filling = filling(&scan, options);
         if !filling.is_empty() {
@@ -83,14 +87,18 @@ impl Scan {
     /// # Panics
     ///
     /// As [`new`](Self::new).
-    pub fn as_scanned(points: Vec<Stored>, lattice: Lattice, options: &Options) -> Self {
-        let Options {
+    pub fn as_scanned(
+        points: Vec<Stored>,
+        quantization: Quantization,
+        options: &SolverOptions,
+    ) -> Self {
+        let SolverOptions {
             fit_radius, seed, ..
         } = *options;
         assert!(fit_radius > 0.0, "a fit radius of {fit_radius}");
-        let voxel = voxel_edge(&lattice, options);
+        let voxel = voxel_edge(&quantization, options);
         let (voxels, points) =
-            OccupiedCells::sort_points(&points, |p| cell_of(lattice.local(p), voxel));
+            OccupiedCells::sort_points(&points, |p| cell_of(quantization.local(p), voxel));
 
         let ranges: Vec<Range<usize>> = voxels.ranges().collect();
         let mean = |range: Range<usize>| {
@@ -101,13 +109,13 @@ impl Scan {
                 sum[1] += i64::from(p.y);
                 sum[2] += i64::from(p.z);
             }
-            let weight = lattice.scale / held.len() as f64;
+            let weight = quantization.scale / held.len() as f64;
             let count = u32::try_from(held.len()).expect("a tile has under 2^32 points");
             (Local::from(sum.map(|s| s as f64 * weight)), count)
         };
         let (means, counts): (Vec<Local>, Vec<u32>) = ranges.into_par_iter().map(mean).unzip();
         Self {
-            lattice,
+            quantization,
             seed,
             voxel,
             points,
@@ -126,10 +134,14 @@ impl Scan {
     /// # Panics
     ///
     /// As [`new`](Self::new).
-    pub fn thinned(points: Vec<Stored>, lattice: &Lattice, options: &Options) -> Vec<Stored> {
-        let voxel = voxel_edge(lattice, options);
+    pub(crate) fn thinned(
+        points: Vec<Stored>,
+        quantization: &Quantization,
+        options: &SolverOptions,
+    ) -> Vec<Stored> {
+        let voxel = voxel_edge(quantization, options);
         let (voxels, order) =
-            OccupiedCells::sort(&points, |&point| cell_of(lattice.local(point), voxel));
+            OccupiedCells::sort(&points, |&point| cell_of(quantization.local(point), voxel));
         if voxels.ranges().all(|range| range.len() <= MOST_PER_VOXEL) {
             return points;
         }
@@ -148,13 +160,17 @@ impl Scan {
 
     /// Points to a square of edge `edge` (CRS units) of a plane beyond which some of
     /// them are not kept.
-    pub fn most_on_square(edge: f64, lattice: &Lattice, options: &Options) -> f64 {
-        MOST_PER_VOXEL as f64 * (edge / voxel_edge(lattice, options)).powi(2)
+    pub(crate) fn most_on_square(
+        edge: f64,
+        quantization: &Quantization,
+        options: &SolverOptions,
+    ) -> f64 {
+        MOST_PER_VOXEL as f64 * (edge / voxel_edge(quantization, options)).powi(2)
     }
 
     /// Adds `filling`, of places in one voxel the smallest.
-    fn fill(&mut self, mut filling: Vec<Stored>, options: &Options) {
-        let voxel_of = |place: Stored| cell_of(self.lattice.local(place), self.voxel);
+    fn fill(&mut self, mut filling: Vec<Stored>, options: &SolverOptions) {
+        let voxel_of = |place: Stored| cell_of(self.quantization.local(place), self.voxel);
         filling.sort_unstable_by_key(|&place| (voxel_of(place), place));
         filling.dedup_by_key(|place| voxel_of(*place));
         let (filled, order) = OccupiedCells::sort(&filling, |&place| voxel_of(place));
@@ -162,14 +178,18 @@ impl Scan {
         self.samples
             .visit_all(|sample, place| means[sample as usize] = place);
         self.filling = order.iter().map(|&i| filling[i as usize]).collect();
-        means.extend(self.filling.iter().map(|&place| self.lattice.local(place)));
+        means.extend(
+            self.filling
+                .iter()
+                .map(|&place| self.quantization.local(place)),
+        );
         self.counts.resize(means.len(), 0);
         self.samples = NeighborGrid::new(&means, SAMPLE_CELL * options.fit_radius);
         self.filled = filled;
     }
 
     /// The places that close the holes of the scan.
-    pub fn filling(&self) -> &[Stored] {
+    pub(crate) fn filling(&self) -> &[Stored] {
         &self.filling
     }
 
@@ -179,13 +199,13 @@ impl Scan {
     }
 
     /// The points, sorted by voxel.
-    pub fn points(&self) -> &[Stored] {
+    pub(crate) fn points(&self) -> &[Stored] {
         &self.points
     }
 
-    /// The lattice of the run.
-    pub fn lattice(&self) -> &Lattice {
-        &self.lattice
+    /// The quantization of the run.
+    pub fn quantization(&self) -> &Quantization {
+        &self.quantization
     }
 
     /// The samples, to be visited around a place.
@@ -200,7 +220,7 @@ impl Scan {
 
     /// Whether a point of the scan, or of what closes its holes, lies within
     /// `radius` (CRS units) of `place`.
-    pub fn has_point_within(&self, place: Local, radius: f64) -> bool {
+    pub(crate) fn has_point_within(&self, place: Local, radius: f64) -> bool {
         self.some_point_within(place, radius).is_some()
     }
 
@@ -208,7 +228,7 @@ impl Scan {
     pub(super) fn some_point_within(&self, place: Local, radius: f64) -> Option<Local> {
         let radius_squared = radius * radius;
         let find = |points: &[Stored]| {
-            let mut places = points.iter().map(|&point| self.lattice.local(point));
+            let mut places = points.iter().map(|&point| self.quantization.local(point));
             places.find(|point| (point - place).norm_squared() <= radius_squared)
         };
         // The voxel of the place itself answers nearly always.
@@ -233,7 +253,7 @@ impl Scan {
     }
 
     fn local(&self, place: usize) -> Local {
-        self.lattice.local(self.points[place])
+        self.quantization.local(self.points[place])
     }
 
     /// Calls `visit` with the points of every voxel of `voxels` that a ball
@@ -298,7 +318,7 @@ impl Scan {
         let _ = self.voxels_around(&self.voxels, place, radius, |range| {
             for index in range.filter(|&index| Some(index) != own) {
                 let point = self.points[index];
-                let squared = (self.lattice.local(point) - place).norm_squared();
+                let squared = (self.quantization.local(point) - place).norm_squared();
                 if squared < limit || squared == limit && best.is_none_or(|(b, _)| point < b) {
                     best = Some((point, squared));
                     limit = squared;
@@ -331,10 +351,10 @@ impl Scan {
 
 /// The edge of a voxel: whole stored units at least, as one finer than the lattice
 /// would hold one point for ever.
-fn voxel_edge(lattice: &Lattice, options: &Options) -> f64 {
+fn voxel_edge(quantization: &Quantization, options: &SolverOptions) -> f64 {
     let spacing = options.spacing;
     assert!(spacing > 0.0, "a spacing of {spacing}");
-    (spacing / VOXELS_PER_SPACING).max(lattice.scale)
+    (spacing / VOXELS_PER_SPACING).max(quantization.scale)
 }
 
 /// The priority of a point in every election: a hash of what it is, not of
@@ -349,15 +369,15 @@ mod tests {
     use super::*;
 
     fn scan(points: Vec<Stored>) -> Scan {
-        let lattice = Lattice {
+        let quantization = Quantization {
             scale: 0.001,
             offset: [0.0; 3],
         };
-        let options = Options {
+        let options = SolverOptions {
             seed: 1,
-            ..Options::new(0.3)
+            ..SolverOptions::new(0.3)
         };
-        Scan::as_scanned(points, lattice, &options)
+        Scan::as_scanned(points, quantization, &options)
     }
 
     fn cloud(n: u64) -> Vec<Stored> {
@@ -376,10 +396,10 @@ mod tests {
         let points = cloud(3000);
         let scan = scan(points.clone());
         for place in cloud(300) {
-            let place = scan.lattice().local(place) * 1.1;
+            let place = scan.quantization().local(place) * 1.1;
             let truth = points
                 .iter()
-                .map(|&p| ((scan.lattice().local(p) - place).norm(), p))
+                .map(|&p| ((scan.quantization().local(p) - place).norm(), p))
                 .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
                 .unwrap();
             let (point, distance) = scan.nearest(place, 100.0).unwrap();
@@ -397,7 +417,7 @@ mod tests {
         let mut sampled = scan.sampled_distances(1.0, 100.0, |_| true);
         let mut truth: Vec<f64> = (0..points.len())
             .map(|i| {
-                let place = |k: usize| scan.lattice().local(points[k]);
+                let place = |k: usize| scan.quantization().local(points[k]);
                 let others = (0..points.len()).filter(|&k| k != i);
                 others
                     .map(|k| (place(k) - place(i)).norm())
@@ -437,28 +457,28 @@ mod tests {
 
     #[test]
     fn points_thinned_by_and_by_are_those_thinned_at_once() {
-        let lattice = Lattice {
+        let quantization = Quantization {
             scale: 0.001,
             offset: [0.0; 3],
         };
-        let options = Options::new(0.9);
+        let options = SolverOptions::new(0.9);
         let points = cloud(60_000);
         let sorted = |mut points: Vec<Stored>| {
             points.sort_unstable();
             points
         };
-        let at_once = sorted(Scan::thinned(points.clone(), &lattice, &options));
+        let at_once = sorted(Scan::thinned(points.clone(), &quantization, &options));
         let mut by_and_by = Vec::new();
         for part in points.rchunks(7_001) {
             by_and_by.extend_from_slice(part);
-            by_and_by = Scan::thinned(by_and_by, &lattice, &options);
+            by_and_by = Scan::thinned(by_and_by, &quantization, &options);
         }
         assert_eq!(sorted(by_and_by), at_once);
 
         // The twin: a list for each voxel, sorted by priority, cut.
         let mut held: std::collections::HashMap<_, Vec<Stored>> = std::collections::HashMap::new();
         for point in points {
-            let voxel = cell_of(lattice.local(point), 0.3);
+            let voxel = cell_of(quantization.local(point), 0.3);
             held.entry(voxel).or_default().push(point);
         }
         let truth = held.into_values().flat_map(|mut points| {

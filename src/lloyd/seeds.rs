@@ -17,14 +17,14 @@
 use rayon::prelude::*;
 
 use super::{
-    Options, Scan,
+    Scan, SolverOptions,
     around::Scratch,
     neighborhoods::{bounds, neighbor},
     nodes::Nodes,
     scan::priority,
 };
 use crate::geometry::{
-    AT_ONCE, DOMAIN_SIDES, Local, Neighbor, NeighborGrid, Rect, Stored, cell_of, spread,
+    AT_ONCE, BOUNDING_SIDES, Local, Neighbor, NeighborGrid, Rect, Stored, cell_of, spread,
 };
 
 /// Radius of the Poisson-disk election, in spacings.
@@ -35,7 +35,7 @@ use crate::geometry::{
 /// 2 / (√3 h²). They would agree at r = 0.777 h; a scan of some thirty points
 /// to the seed has no point in the last gaps, and agrees at 0.745 h (measured
 /// on a sheet, see the test `the_election_meets_the_density`).
-pub const ELECTION_RADIUS: f64 = 0.745;
+pub(crate) const ELECTION_RADIUS: f64 = 0.745;
 
 /// The same for points that lie on no surface: leaves, wires, strays. Their seeds
 /// stay where they are elected; at the radius above they would be nearer to each
@@ -84,7 +84,7 @@ pub struct Seeds {
 }
 
 /// Chooses seeds for `scan` by the rule of `options`.
-pub fn elect(scan: &Scan, options: &Options) -> Seeds {
+pub fn elect(scan: &Scan, options: &SolverOptions) -> Seeds {
     match options.seeds {
         SeedRule::Hexagonal | SeedRule::Poisson => from_points(scan, elected(scan, options)),
         SeedRule::Random => from_points(scan, random(scan, options)),
@@ -93,7 +93,7 @@ pub fn elect(scan: &Scan, options: &Options) -> Seeds {
 }
 
 /// The seeds of an election, in no order.
-fn elected(scan: &Scan, options: &Options) -> Vec<Stored> {
+fn elected(scan: &Scan, options: &SolverOptions) -> Vec<Stored> {
     let mut election = Election {
         scan,
         options,
@@ -109,7 +109,7 @@ fn elected(scan: &Scan, options: &Options) -> Vec<Stored> {
     election.elect_in_order(nodes.places(scan, options));
     // One point to a voxel says where a surface is. Elsewhere every point counts:
     // what no seed covers there is not covered later.
-    let is_on_surface = |voxel: &&[Stored]| nodes.have(scan.lattice().local(voxel[0]));
+    let is_on_surface = |voxel: &&[Stored]| nodes.have(scan.quantization().local(voxel[0]));
     let (surfaces, loose): (Vec<&[Stored]>, Vec<&[Stored]>) =
         scan.points_by_voxel().partition(is_on_surface);
     let surfaces = surfaces.into_par_iter();
@@ -127,13 +127,13 @@ fn equal(places: impl Iterator<Item = Stored>) -> Vec<(u32, Stored)> {
 
 struct Election<'a> {
     scan: &'a Scan,
-    options: &'a Options,
+    options: &'a SolverOptions,
     seeds: Vec<Stored>,
 }
 
 impl Election<'_> {
     fn place_of(&self, point: Stored) -> Local {
-        self.scan.lattice().local(point)
+        self.scan.quantization().local(point)
     }
 
     fn priority(&self, point: Stored) -> u64 {
@@ -250,14 +250,14 @@ fn from_points(scan: &Scan, mut identities: Vec<Stored>) -> Seeds {
     Seeds {
         positions: identities
             .iter()
-            .map(|&identity| scan.lattice().local(identity))
+            .map(|&identity| scan.quantization().local(identity))
             .collect(),
         identities,
     }
 }
 
 /// Number of elected seeds whose points lie in `part`.
-pub fn elected_in(scan: &Scan, options: &Options, part: &Rect) -> usize {
+pub(crate) fn elected_in(scan: &Scan, options: &SolverOptions, part: &Rect) -> usize {
     elected(scan, options)
         .into_iter()
         .filter(|&point| part.contains(point))
@@ -265,7 +265,7 @@ pub fn elected_in(scan: &Scan, options: &Options, part: &Rect) -> usize {
 }
 
 /// Each point with the same probability, as many as the run's count asks for.
-fn random(scan: &Scan, options: &Options) -> Vec<Stored> {
+fn random(scan: &Scan, options: &SolverOptions) -> Vec<Stored> {
     let threshold = (options.seeds_per_point.clamp(0.0, 1.0) * u64::MAX as f64) as u64;
     scan.points()
         .iter()
@@ -275,7 +275,7 @@ fn random(scan: &Scan, options: &Options) -> Vec<Stored> {
 }
 
 /// Section IV-A, made local: each cell owes its area over the hexagon's.
-fn area_weighted(scan: &Scan, options: &Options) -> Seeds {
+fn area_weighted(scan: &Scan, options: &SolverOptions) -> Seeds {
     let first = from_points(scan, random(scan, options));
     let hexagon = AREA_PER_SEED * options.spacing * options.spacing;
     // Step 1: the cells of the random seeds. Where the scan is sparse they are
@@ -305,7 +305,7 @@ fn area_weighted(scan: &Scan, options: &Options) -> Seeds {
                 }
             });
             Neighbor::sort(neighbors);
-            cell.clip(&fit.patch, site, &[radius; DOMAIN_SIDES], neighbors);
+            cell.clip(&fit.patch, site, &[radius; BOUNDING_SIDES], neighbors);
             let Some(moments) = cell.moments(&fit.patch, site) else {
                 return Vec::new();
             };
@@ -318,7 +318,7 @@ fn area_weighted(scan: &Scan, options: &Options) -> Seeds {
                 .filter_map(|_| {
                     let place = cell.place(&fit.patch, site, [dice.roll(), dice.roll()])?;
                     let near = scan.has_point_within(place, options.spacing);
-                    Some((scan.lattice().stored(place)?, place)).filter(|_| near)
+                    Some((scan.quantization().stored(place)?, place)).filter(|_| near)
                 })
                 .collect()
         })
@@ -346,7 +346,7 @@ impl Dice {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Lattice;
+    use crate::geometry::Quantization;
 
     /// `n` even points of the unit square, as stored.
     fn sheet(n: u64) -> Vec<Stored> {
@@ -361,28 +361,28 @@ mod tests {
     }
 
     fn scan(points: Vec<Stored>, spacing: f64) -> Scan {
-        let lattice = Lattice {
+        let quantization = Quantization {
             scale: 1e-6,
             offset: [0.0; 3],
         };
-        let options = Options {
+        let options = SolverOptions {
             seed: 7,
-            ..Options::new(spacing)
+            ..SolverOptions::new(spacing)
         };
-        Scan::as_scanned(points, lattice, &options)
+        Scan::as_scanned(points, quantization, &options)
     }
 
     #[test]
     fn no_two_seeds_are_nearer_than_the_radius_and_every_point_is_covered() {
         let scan = scan(sheet(20_000), 0.03);
         let radius = ELECTION_RADIUS * 0.03;
-        let options = Options {
+        let options = SolverOptions {
             seeds: SeedRule::Poisson,
-            ..Options::new(0.03)
+            ..SolverOptions::new(0.03)
         };
         let seeds = elected(&scan, &options);
         let is_near = |a: &Stored, b: &Stored| {
-            let place = |s: &Stored| scan.lattice().local(*s);
+            let place = |s: &Stored| scan.quantization().local(*s);
             (place(a) - place(b)).norm() < radius
         };
         for (i, a) in seeds.iter().enumerate() {
@@ -398,9 +398,9 @@ mod tests {
         let wanted = 1.0 / (AREA_PER_SEED * spacing * spacing);
         let scan = scan(sheet(400_000), spacing);
         for seeds in [SeedRule::Poisson, SeedRule::Hexagonal] {
-            let options = Options {
+            let options = SolverOptions {
                 seeds,
-                ..Options::new(spacing)
+                ..SolverOptions::new(spacing)
             };
             let ratio = elected(&scan, &options).len() as f64 / wanted;
             assert!((0.98..1.03).contains(&ratio), "{seeds:?}: {ratio}");
@@ -410,9 +410,9 @@ mod tests {
     #[test]
     fn an_election_does_not_depend_on_points_far_away() {
         let near = |points: Vec<Stored>, seeds: SeedRule| {
-            let options = Options {
+            let options = SolverOptions {
                 seeds,
-                ..Options::new(0.02)
+                ..SolverOptions::new(0.02)
             };
             let elected = elected(&scan(points, 0.02), &options);
             let mut near: Vec<Stored> = elected.into_iter().filter(|s| s.x < 300_000).collect();

@@ -7,8 +7,8 @@
 
 use rayon::prelude::*;
 
-use super::Options;
-use crate::geometry::{Lattice, Local, NeighborGrid, OccupiedCells, Patch, Stored, cell_of};
+use super::SolverOptions;
+use crate::geometry::{Local, NeighborGrid, OccupiedCells, Patch, Quantization, Stored, cell_of};
 
 /// Cells to a radius: their means, some forty to a patch, are what it is fitted
 /// to.
@@ -25,24 +25,29 @@ const PASSES: u32 = 2;
 /// the radius that `options` ask for. Where there is no surface they stay.
 pub(super) fn smoothed(
     mut points: Vec<Stored>,
-    lattice: &Lattice,
-    options: &Options,
+    quantization: &Quantization,
+    options: &SolverOptions,
 ) -> Vec<Stored> {
     for _ in 0..PASSES {
-        points = on_patches(points, lattice, options);
+        points = on_patches(points, quantization, options);
     }
     points
 }
 
-fn on_patches(points: Vec<Stored>, lattice: &Lattice, options: &Options) -> Vec<Stored> {
+fn on_patches(
+    points: Vec<Stored>,
+    quantization: &Quantization,
+    options: &SolverOptions,
+) -> Vec<Stored> {
     let edge = options.smooth / CELLS;
     // By coordinates within a cell: sums must not depend on the order of files.
-    let (cells, points) = OccupiedCells::sort_points(&points, |p| cell_of(lattice.local(p), edge));
+    let (cells, points) =
+        OccupiedCells::sort_points(&points, |p| cell_of(quantization.local(p), edge));
     let ranges: Vec<_> = cells.ranges().collect();
     let means: Vec<Local> = ranges
         .par_iter()
         .map(|range| {
-            let held = points[range.clone()].iter().map(|&p| lattice.local(p));
+            let held = points[range.clone()].iter().map(|&p| quantization.local(p));
             held.sum::<Local>() / range.len() as f64
         })
         .collect();
@@ -55,9 +60,11 @@ fn on_patches(points: Vec<Stored>, lattice: &Lattice, options: &Options) -> Vec<
             let patch = Patch::fit(mean, near, options.smooth, options.patch)
                 .filter(|patch| patch.describes(NOISE * options.smooth));
             let put = |&point: &Stored| {
-                let place = patch.as_ref().map(|p| p.foot_point(lattice.local(point)));
+                let place = patch
+                    .as_ref()
+                    .map(|p| p.foot_point(quantization.local(point)));
                 place
-                    .and_then(|place| lattice.stored(place))
+                    .and_then(|place| quantization.stored(place))
                     .unwrap_or(point)
             };
             points[range].iter().map(put).collect::<Vec<_>>()
@@ -71,7 +78,7 @@ mod tests {
     use super::*;
     use crate::geometry::spread;
 
-    const LATTICE: Lattice = Lattice {
+    const QUANTIZATION: Quantization = Quantization {
         scale: 1e-4,
         offset: [0.0; 3],
     };
@@ -81,11 +88,11 @@ mod tests {
     }
 
     fn smooth(points: Vec<Stored>, radius: f64) -> Vec<Stored> {
-        let options = Options {
+        let options = SolverOptions {
             smooth: radius,
-            ..Options::new(0.2)
+            ..SolverOptions::new(0.2)
         };
-        smoothed(points, &LATTICE, &options)
+        smoothed(points, &QUANTIZATION, &options)
     }
 
     /// Points of a bent sheet, and beside it one by one their heights above it.
@@ -94,13 +101,13 @@ mod tests {
             .filter_map(|i| {
                 let (x, y) = (10.0 * unit(3 * i), 10.0 * unit(3 * i + 1));
                 let noise = thickness * (unit(3 * i + 2) - 0.5);
-                LATTICE.stored(Local::new(x, y, 0.05 * x * x + noise))
+                QUANTIZATION.stored(Local::new(x, y, 0.05 * x * x + noise))
             })
             .collect()
     }
 
     fn mean_height(points: &[Stored]) -> f64 {
-        let inner = points.iter().map(|&p| LATTICE.local(p));
+        let inner = points.iter().map(|&p| QUANTIZATION.local(p));
         let inner = inner.filter(|p| (1.0..9.0).contains(&p.x) && (1.0..9.0).contains(&p.y));
         let heights: Vec<f64> = inner.map(|p| (p.z - 0.05 * p.x * p.x).abs()).collect();
         heights.iter().sum::<f64>() / heights.len() as f64
@@ -129,7 +136,7 @@ mod tests {
         let points: Vec<Stored> = (0..30_000)
             .filter_map(|i| {
                 let place = Local::new(unit(3 * i), unit(3 * i + 1), unit(3 * i + 2));
-                LATTICE.stored(place * 2.0)
+                QUANTIZATION.stored(place * 2.0)
             })
             .collect();
         // In the middle: the outside of a crown does look like a surface.

@@ -3,10 +3,10 @@
 use rayon::prelude::*;
 
 use super::{
-    Acceleration, Domain, Restriction, Scan, SeedRule,
+    Acceleration, Restriction, Scan, SeedRule, TileRegion,
     acceleration::{Accelerator, Iterate},
     around::{Around, Scratch, clearance},
-    domain::Cone,
+    domain::DependencyCone,
     elect,
     fit::is_allowed,
     neighborhoods::{BLOCK, BLOCKS_AT_ONCE, Neighborhoods},
@@ -16,7 +16,7 @@ use crate::geometry::{AT_ONCE, Cell, Local, Moments, OccupiedCells, PatchKind, S
 
 /// What is asked of the solver. Lengths are CRS units.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Options {
+pub struct SolverOptions {
     /// The edge of the hexagonal lattice with as many sites to the area.
     pub spacing: f64,
     /// Reach of a patch: the scale of the details kept.
@@ -42,12 +42,12 @@ pub struct Options {
 }
 
 /// Reach of a patch, in spacings, unless told otherwise.
-pub const FIT_RADIUS: f64 = 1.2;
+pub(crate) const FIT_RADIUS: f64 = 1.2;
 
 /// The widest hole that is closed, in spacings, unless told otherwise.
-pub const FILL: f64 = 4.0;
+pub(crate) const FILL: f64 = 4.0;
 
-impl Options {
+impl SolverOptions {
     /// The defaults, at `spacing` (CRS units).
     pub fn new(spacing: f64) -> Self {
         Self {
@@ -80,7 +80,7 @@ impl Options {
 
     /// Farthest from a point of the scan that a seed may stand (CRS units): in
     /// the middle of what is filled, and a little beyond.
-    pub fn farthest_seed(&self) -> f64 {
+    pub(crate) fn farthest_seed(&self) -> f64 {
         2.5 * self.spacing + 0.5 * self.fill + self.smooth
     }
 
@@ -106,7 +106,7 @@ pub struct Site {
     /// which this holds has the same bits.
     pub is_exact: bool,
     /// Whether it was left where it was elected, for want of a patch to trust: it has no cell.
-    pub is_held: bool,
+    pub is_fixed: bool,
     /// Whether neighbours bound its cell all around.
     pub is_closed: bool,
     /// Number of neighbours whose cells touch its own.
@@ -126,7 +126,7 @@ pub struct Site {
 }
 
 /// How far the nearest other site is looked for, in spacings.
-pub const FARTHEST_NEIGHBOR: f64 = 4.0;
+pub(crate) const FARTHEST_NEIGHBOR: f64 = 4.0;
 
 /// Sums of the distances to the nearest neighbours, for δ (paper, equation 6).
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -148,14 +148,14 @@ impl DistanceSums {
     }
 
     /// Adds one distance.
-    pub fn push(&mut self, distance: f64) {
+    pub(crate) fn push(&mut self, distance: f64) {
         self.count += 1;
         self.sum += distance;
         self.squares += distance * distance;
     }
 
     /// Adds those of another part.
-    pub fn add(&mut self, other: &Self) {
+    pub(crate) fn add(&mut self, other: &Self) {
         self.count += other.count;
         self.sum += other.sum;
         self.squares += other.squares;
@@ -184,15 +184,15 @@ pub struct Solution {
 /// their identities within a block.
 struct Sites<'a> {
     scan: &'a Scan,
-    domain: &'a Domain,
-    options: &'a Options,
+    domain: &'a TileRegion,
+    options: &'a SolverOptions,
     identities: Vec<Stored>,
     neighborhoods: Neighborhoods,
     steps: Vec<Step>,
 }
 
 /// Runs the paper's Algorithm 1 on `scan`, for the sites of `domain`.
-pub fn solve(scan: &Scan, domain: &Domain, options: &Options) -> Solution {
+pub fn solve(scan: &Scan, domain: &TileRegion, options: &SolverOptions) -> Solution {
     solve_watched(scan, domain, options, &|_| {})
 }
 
@@ -201,14 +201,14 @@ pub fn solve(scan: &Scan, domain: &Domain, options: &Options) -> Solution {
 const ELECTION_SHARE: f64 = 0.48;
 
 /// As [`solve`]; `watch` is told now and then what share of the work is done, about.
-pub fn solve_watched(
+pub(crate) fn solve_watched(
     scan: &Scan,
-    domain: &Domain,
-    options: &Options,
+    domain: &TileRegion,
+    options: &SolverOptions,
     watch: &dyn Fn(f64),
 ) -> Solution {
     let all = elect(scan, options);
-    let cone = Cone::new(domain, options, scan.lattice());
+    let cone = DependencyCone::new(domain, options, scan.quantization());
     // Sites beyond the widest ring can matter to nobody here.
     let (identities, positions): (Vec<Stored>, Vec<Local>) = all
         .identities
@@ -224,7 +224,7 @@ pub fn solve_watched(
     let mut accelerator = Accelerator::new(
         options.acceleration,
         &sites.identities,
-        scan.lattice().scale,
+        scan.quantization().scale,
         options.spacing,
     );
     let mut convergence = Vec::new();
@@ -254,9 +254,17 @@ pub fn solve_watched(
 
 /// The points of `scan` themselves as sites, with the cells they have on
 /// patches through their neighbours: for the figures of a finished cloud.
-pub fn describe_points(scan: &Scan, domain: &Domain, options: &Options) -> Vec<Site> {
-    let lattice = scan.lattice();
-    let places: Vec<Local> = scan.points().iter().map(|&p| lattice.local(p)).collect();
+pub(crate) fn describe_points(
+    scan: &Scan,
+    domain: &TileRegion,
+    options: &SolverOptions,
+) -> Vec<Site> {
+    let quantization = scan.quantization();
+    let places: Vec<Local> = scan
+        .points()
+        .iter()
+        .map(|&p| quantization.local(p))
+        .collect();
     describe_places(scan, domain, options, &places)
 }
 
@@ -266,11 +274,11 @@ pub fn describe_points(scan: &Scan, domain: &Domain, options: &Options) -> Vec<S
 /// cannot be stored.
 pub fn describe_places(
     scan: &Scan,
-    domain: &Domain,
-    options: &Options,
+    domain: &TileRegion,
+    options: &SolverOptions,
     places: &[Local],
 ) -> Vec<Site> {
-    let stored = |&place: &Local| Some((scan.lattice().stored(place)?, place));
+    let stored = |&place: &Local| Some((scan.quantization().stored(place)?, place));
     let mut known: Vec<(Stored, Local)> = places.iter().filter_map(stored).collect();
     known.sort_unstable_by_key(|&(identity, _)| identity);
     known.dedup_by_key(|&mut (identity, _)| identity);
@@ -282,8 +290,8 @@ impl<'a> Sites<'a> {
     /// Sites that start at `positions`; `identities` must be sorted.
     fn new(
         scan: &'a Scan,
-        domain: &'a Domain,
-        options: &'a Options,
+        domain: &'a TileRegion,
+        options: &'a SolverOptions,
         identities: &[Stored],
         positions: &[Local],
     ) -> Self {
@@ -302,7 +310,7 @@ impl<'a> Sites<'a> {
 
     /// One Lloyd step of every site that still matters. Distances from the core's sites
     /// to the nearest others, as it met them.
-    fn lloyd_step(&mut self, cone: &Cone<'_>, iteration: u32) -> DistanceSums {
+    fn lloyd_step(&mut self, cone: &DependencyCone<'_>, iteration: u32) -> DistanceSums {
         let matters = |site: usize| cone.matters(self.identities[site], iteration);
         let was_exact = self.are_exact();
         self.steps
@@ -358,7 +366,7 @@ impl<'a> Sites<'a> {
 
     /// The first Lloyd step of all sites, and the figures of their cells before it, as
     /// [`describe`](Self::describe) gives them.
-    fn first_step(&mut self, cone: &Cone<'_>) -> Vec<Site> {
+    fn first_step(&mut self, cone: &DependencyCone<'_>) -> Vec<Site> {
         let (scan, options, domain) = (self.scan, self.options, self.domain);
         let was_exact = self.are_exact();
         self.figures(|step, identity, mut around| {
@@ -424,7 +432,7 @@ fn site(
         identity,
         position: around.place,
         is_exact: step.is_exact,
-        is_held: surface.is_none(),
+        is_fixed: surface.is_none(),
         normal: surface.map(|(normal, _)| normal),
         curvature: surface.map_or(f64::NAN, |(_, curvature)| curvature),
         is_closed: cell.is_some_and(Cell::is_closed),
@@ -440,7 +448,7 @@ fn by_block<T: Send>(
     steps: &mut [Step],
     results: &mut [T],
     neighborhoods: &Neighborhoods,
-    options: &Options,
+    options: &SolverOptions,
     work: impl Fn(&mut Step, &mut T, Around<'_>) + Sync,
 ) {
     let clearance = clearance(options);
@@ -478,7 +486,7 @@ fn by_block<T: Send>(
 }
 
 /// Distances from the core's `sites` to the nearest others.
-fn sums(domain: &Domain, sites: &[Site]) -> DistanceSums {
+fn sums(domain: &TileRegion, sites: &[Site]) -> DistanceSums {
     let counts = |site: &&Site| site.nearest.is_finite() && domain.core.contains(site.identity);
     DistanceSums::of(sites.iter().filter(counts).map(|site| site.nearest))
 }

@@ -8,10 +8,10 @@
 //! on the mean).
 
 use super::{
-    Options, Scan,
+    Scan, SolverOptions,
     acceleration::{LINKS, NO_LINK, linked},
     around::{Around, is_nearly_flat},
-    domain::Cone,
+    domain::DependencyCone,
     fit::{Fit, is_allowed},
     neighborhoods::NEAR,
     solver::FARTHEST_NEIGHBOR,
@@ -95,7 +95,7 @@ impl Step {
     }
 
     /// III-B: the patch, kept while the site stays near where it was fitted.
-    fn fit_patch(&mut self, scan: &Scan, options: &Options, around: &mut Around<'_>) {
+    fn fit_patch(&mut self, scan: &Scan, options: &SolverOptions, around: &mut Around<'_>) {
         let serves = |fit: &Fit| fit.serves(around.place, options.spacing);
         if !self.is_stranded && !self.fit.as_ref().is_some_and(serves) {
             // At first the others of the block have none, either.
@@ -116,7 +116,7 @@ impl Step {
     pub(super) fn clip(
         &mut self,
         scan: &Scan,
-        options: &Options,
+        options: &SolverOptions,
         around: &mut Around<'_>,
     ) -> Option<Moments> {
         self.fit_patch(scan, options, around);
@@ -127,8 +127,8 @@ impl Step {
     pub(super) fn advance(
         &mut self,
         scan: &Scan,
-        options: &Options,
-        cone: &Cone<'_>,
+        options: &SolverOptions,
+        cone: &DependencyCone<'_>,
         was_exact: &[bool],
         mut around: Around<'_>,
     ) {
@@ -142,7 +142,7 @@ impl Step {
     fn follow(
         &mut self,
         scan: &Scan,
-        options: &Options,
+        options: &SolverOptions,
         was_exact: &[bool],
         around: &mut Around<'_>,
     ) -> bool {
@@ -191,8 +191,8 @@ impl Step {
         &mut self,
         moments: Option<Moments>,
         scan: &Scan,
-        options: &Options,
-        cone: &Cone<'_>,
+        options: &SolverOptions,
+        cone: &DependencyCone<'_>,
         was_exact: &[bool],
         mut around: Around<'_>,
     ) {
@@ -222,7 +222,7 @@ impl Step {
             .iter()
             .filter(|n| n.distance_squared <= security)
             .all(|n| was_exact[n.index as usize])
-            && cone.knows(place, known, scan.lattice());
+            && cone.knows(place, known, scan.quantization());
         let Some(moments) = moments else {
             return;
         };

@@ -6,7 +6,7 @@ use serde::Deserialize;
 /// How a cloud is looked at.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum View {
+pub(crate) enum View {
     /// From above, without perspective, north up.
     Top,
     /// From above, aslant to its longer side.
@@ -18,21 +18,21 @@ pub enum View {
 
 /// What is looked at.
 #[derive(Clone, Copy, Debug)]
-pub struct Scene {
+pub(crate) struct Scene {
     /// Least coordinates.
-    pub min: [f64; 3],
+    pub(crate) min: [f64; 3],
     /// Greatest coordinates.
-    pub max: [f64; 3],
+    pub(crate) max: [f64; 3],
     /// The middle of all points.
-    pub middle: [f64; 3],
+    pub(crate) middle: [f64; 3],
     /// The direction on the ground in which they reach farthest, of length one.
-    pub along: [f64; 2],
+    pub(crate) along: [f64; 2],
 }
 
 impl Scene {
     /// What points at `places` are, but for the share `stray` at either end of each axis;
     /// `None` if there are none.
-    pub fn of(places: &[[f64; 3]], stray: f64) -> Option<Self> {
+    pub(crate) fn of(places: &[[f64; 3]], stray: f64) -> Option<Self> {
         let left_out = (stray * places.len() as f64) as usize;
         let side = |axis: usize| {
             let mut sorted: Vec<f64> = places.iter().map(|place| place[axis]).collect();
@@ -61,7 +61,7 @@ impl Scene {
 
 /// Turns places into places of a picture.
 #[derive(Clone, Copy, Debug)]
-pub struct Camera {
+pub(crate) struct Camera {
     eye: Vector3<f64>,
     /// Rows: to the right, upwards, into the picture.
     axes: Matrix3<f64>,
@@ -80,7 +80,7 @@ const OBLIQUE_ANGLE: f64 = 35.0;
 
 impl Camera {
     /// A camera that shows `scene` in a picture of `size` pixels.
-    pub fn new(view: View, scene: &Scene, size: [u32; 2]) -> Self {
+    pub(crate) fn new(view: View, scene: &Scene, size: [u32; 2]) -> Self {
         let (min, max) = (Vector3::from(scene.min), Vector3::from(scene.max));
         let (center, extent) = ((min + max) * 0.5, max - min);
         let along = Vector3::new(scene.along[0], scene.along[1], 0.0);
@@ -138,7 +138,7 @@ impl Camera {
 
     /// Where `place` is in the picture: pixels from its upper left corner, how far away, and
     /// pixels to a unit of length there; `None` if it is behind the eye.
-    pub fn project(&self, place: [f64; 3]) -> Option<([f64; 2], f64, f64)> {
+    pub(crate) fn project(&self, place: [f64; 3]) -> Option<([f64; 2], f64, f64)> {
         let seen = self.axes * (Vector3::from(place) - self.eye);
         let scale = match self.is_perspective {
             true if seen.z < self.nearest => return None,

@@ -13,7 +13,7 @@ const PAPER: [u8; 3] = [251, 251, 249];
 
 /// Colours and depths of all pixels, row by row from the upper left.
 #[derive(Clone, Debug)]
-pub struct Canvas {
+pub(crate) struct Canvas {
     size: [u32; 2],
     depths: Vec<f32>,
     colors: Vec<[u8; 3]>,
@@ -21,7 +21,7 @@ pub struct Canvas {
 
 impl Canvas {
     /// An empty frame of so many pixels to the right and downwards.
-    pub fn new(size: [u32; 2]) -> Self {
+    pub(crate) fn new(size: [u32; 2]) -> Self {
         let pixels = size[0] as usize * size[1] as usize;
         Self {
             size,
@@ -32,7 +32,7 @@ impl Canvas {
 
     /// Draws a disc of `radius` pixels around `place`, where nothing nearer is; of two that
     /// are equally near the darker one is seen, whatever the order.
-    pub fn disc(&mut self, place: [f64; 2], depth: f64, radius: f64, color: [u8; 3]) {
+    pub(crate) fn disc(&mut self, place: [f64; 2], depth: f64, radius: f64, color: [u8; 3]) {
         let radius = radius.clamp(0.5, LARGEST);
         let [width, height] = self.size.map(i64::from);
         let (left, right) = range(place[0], radius, width);
@@ -54,15 +54,9 @@ impl Canvas {
         }
     }
 
-    /// The share of pixels on which something was drawn.
-    pub fn covered(&self) -> f64 {
-        let drawn = self.depths.iter().filter(|depth| depth.is_finite()).count();
-        drawn as f64 / self.depths.len().max(1) as f64
-    }
-
     /// The picture, shaded: a pixel is the darker the farther what is around it stands before
     /// it (eye-dome lighting). Red, green, blue, row by row.
-    pub fn shaded(&self) -> Vec<u8> {
+    pub(crate) fn shaded(&self) -> Vec<u8> {
         let [width, height] = self.size.map(i64::from);
         let mut picture = Vec::with_capacity(3 * self.colors.len());
         for y in 0..height {
@@ -97,7 +91,7 @@ impl Canvas {
     /// # Errors
     ///
     /// If `out` takes no more.
-    pub fn write_png(&self, out: impl Write) -> std::io::Result<()> {
+    pub(crate) fn write_png(&self, out: impl Write) -> std::io::Result<()> {
         let mut encoder = png::Encoder::new(out, self.size[0], self.size[1]);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);

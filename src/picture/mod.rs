@@ -5,5 +5,5 @@
 mod camera;
 mod canvas;
 
-pub use camera::{Camera, Scene, View};
-pub use canvas::Canvas;
+pub(crate) use camera::{Camera, Scene, View};
+pub(crate) use canvas::Canvas;

@@ -60,7 +60,7 @@ impl DistanceTally {
     }
 
     /// Adds the distances of another part.
-    pub fn add(&mut self, other: &Self) {
+    pub(crate) fn add(&mut self, other: &Self) {
         for (bin, more) in self.bins.iter_mut().zip(&other.bins) {
             *bin += more;
         }
@@ -72,7 +72,7 @@ impl DistanceTally {
 
     /// The distances in `bins` equal parts of 0 … `spacings` spacings; what is farther is in
     /// the last.
-    pub fn histogram(&self, bins: usize, spacings: f64) -> Vec<u64> {
+    pub(crate) fn histogram(&self, bins: usize, spacings: f64) -> Vec<u64> {
         let mut counts = vec![0; bins];
         for (k, &count) in self.bins.iter().enumerate() {
             let place = (k as f64 + 0.5) / BINS_PER_SPACING / spacings;

@@ -95,7 +95,7 @@ pub struct Uniformity {
 impl Uniformity {
     /// These distances, with the figures of the cells of `cells`.
     #[must_use]
-    pub fn with_cells_of(self, cells: &Self) -> Self {
+    pub(crate) fn with_cells_of(self, cells: &Self) -> Self {
         Self {
             cells: cells.cells,
             energy_ratio: cells.energy_ratio,
@@ -155,7 +155,7 @@ impl UniformityTally {
     }
 
     /// Adds the sites of another part.
-    pub fn add(&mut self, other: &Self) {
+    pub(crate) fn add(&mut self, other: &Self) {
         for (bin, more) in self.bins.iter_mut().zip(&other.bins) {
             bin.0 += more.0;
             bin.1 += more.1;
@@ -173,7 +173,7 @@ impl UniformityTally {
     }
 
     /// The nearest distances in `bins` equal parts of 0 … `spacings` spacings.
-    pub fn histogram(&self, bins: usize, spacings: f64) -> Vec<u64> {
+    pub(crate) fn histogram(&self, bins: usize, spacings: f64) -> Vec<u64> {
         let mut counts = vec![0; bins];
         for (k, &(count, _)) in self.bins.iter().enumerate() {
             let place = (k as f64 + 0.5) / BINS_PER_SPACING / spacings;

@@ -1,7 +1,7 @@
 //! Charts as SVG, in the colours of the page.
 
 use super::figure;
-use crate::pipeline::{Glimpse, Held, StageCost};
+use crate::job::{DetailView, ResourceSample, StageCost};
 
 const WIDTH: f64 = 640.0;
 const HEIGHT: f64 = 220.0;
@@ -97,16 +97,17 @@ pub(super) fn line(title: &str, values: &[f64]) -> String {
 
 /// Memory and temporary files over time, each up to its own peak, with the stages below and
 /// the memory budget as far as it is in sight.
-pub(super) fn over_time(held: &[Held], stages: &[StageCost], budget: u64) -> String {
+pub(super) fn over_time(held: &[ResourceSample], stages: &[StageCost], budget: u64) -> String {
     let whole: f64 = stages.iter().map(|stage| stage.seconds).sum();
     let whole = held.last().map_or(whole, |last| last.seconds.max(whole));
-    let memory = |held: &Held| held.memory.unwrap_or(0);
-    let most = |of: &dyn Fn(&Held) -> u64| held.iter().map(of).max().unwrap_or(0).max(1) as f64;
+    let memory = |held: &ResourceSample| held.memory.unwrap_or(0);
+    let most =
+        |of: &dyn Fn(&ResourceSample) -> u64| held.iter().map(of).max().unwrap_or(0).max(1) as f64;
     let (top, floor) = (14.0, HEIGHT - BOTTOM);
     let x = |seconds: f64| LEFT + seconds / whole * (WIDTH - LEFT);
     // A fifth is left above the highest: there the budget is seen that was nearly reached.
     let y = |share: f64| floor - share / 1.2 * (floor - top);
-    let curve = |of: &dyn Fn(&Held) -> u64, class: &str| {
+    let curve = |of: &dyn Fn(&ResourceSample) -> u64, class: &str| {
         let most = most(of);
         let places: Vec<String> = held
             .iter()
@@ -155,13 +156,11 @@ pub(super) fn over_time(held: &[Held], stages: &[StageCost], budget: u64) -> Str
 }
 
 /// A place from above, before and after, side by side.
-pub(super) fn before_and_after(glimpse: &Glimpse) -> String {
+pub(super) fn before_and_after(detail: &DetailView) -> String {
     let panel = 0.5 * (WIDTH - 16.0);
-    let scale = panel / glimpse.side;
+    let scale = panel / detail.side;
     let highest = |points: &[[f64; 3]]| points.iter().map(|p| p[2]).fold(0.0, f64::max);
-    let height = highest(&glimpse.before)
-        .max(highest(&glimpse.after))
-        .max(1.0);
+    let height = highest(&detail.before).max(highest(&detail.after)).max(1.0);
     let dots = |points: &[[f64; 3]], west: f64, radius: f64| -> String {
         points
             .iter()
@@ -181,7 +180,7 @@ pub(super) fn before_and_after(glimpse: &Glimpse) -> String {
     format!(
         "<svg viewBox=\"0 0 {WIDTH} {panel}\" role=\"img\" \
          aria-label=\"the same place before and after\">{}{}</svg>",
-        dots(&glimpse.before, 0.0, 1.0),
-        dots(&glimpse.after, panel + 16.0, 0.14 * scale),
+        dots(&detail.before, 0.0, 1.0),
+        dots(&detail.after, panel + 16.0, 0.14 * scale),
     )
 }

@@ -9,17 +9,17 @@ mod viewer;
 use serde::Serialize;
 
 use crate::{
+    job::{DetailView, Excerpt, InputCount, Outcome, ResourceSample, StageCost},
     lloyd::DistanceSums,
-    pipeline::{Excerpt, Glimpse, Held, InputCount, Outcome, StageCost},
     quality::{DistanceFigures, DistanceTally, Uniformity, UniformityTally},
 };
 
-pub use verdict::{Verdict, verdicts};
+pub(crate) use verdict::verdicts;
 
 /// What is added to the name of an output for its report and for its viewer.
-pub const REPORT_PAGE: &str = ".report.html";
+pub(crate) const REPORT_PAGE: &str = ".report.html";
 /// See [`REPORT_PAGE`].
-pub const VIEWER_PAGE: &str = ".viewer.html";
+pub(crate) const VIEWER_PAGE: &str = ".viewer.html";
 
 /// Bins of the histograms of nearest distances, and spacings that they span.
 const BINS: usize = 80;
@@ -28,162 +28,162 @@ const SPANNED: f64 = 2.0;
 /// A job's report. Lengths are CRS units; a figure that there is none of is
 /// `null`.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub(crate) struct Report {
     /// Version of the program.
-    pub version: String,
+    pub(crate) version: String,
     /// What was asked for: option and value.
-    pub settings: Vec<(String, String)>,
+    pub(crate) settings: Vec<(String, String)>,
     /// Points read, file by file.
-    pub inputs: Vec<InputCount>,
+    pub(crate) inputs: Vec<InputCount>,
     /// The cloud that was written.
-    pub output: String,
+    pub(crate) output: String,
     /// Points in it.
-    pub points: u64,
+    pub(crate) points: u64,
     /// Its length in bytes.
-    pub bytes: u64,
+    pub(crate) bytes: u64,
     /// Spacing that was aimed at.
-    pub spacing: f64,
+    pub(crate) spacing: f64,
     /// Uniformity of the seeds that the solver began with.
-    pub seeds: Uniformity,
+    pub(crate) seeds: Uniformity,
     /// Uniformity of the output.
-    pub uniformity: Uniformity,
+    pub(crate) uniformity: Uniformity,
     /// Output to nearest input.
-    pub accuracy: DistanceFigures,
+    pub(crate) accuracy: DistanceFigures,
     /// Input to nearest output.
-    pub coverage: DistanceFigures,
+    pub(crate) coverage: DistanceFigures,
     /// Distances of the output to the input, in equal bins of 0 to 2 spacings; what is farther is
     /// in the last.
-    pub histogram_accuracy: Vec<u64>,
+    pub(crate) histogram_accuracy: Vec<u64>,
     /// The same of the input to the output.
-    pub histogram_coverage: Vec<u64>,
+    pub(crate) histogram_coverage: Vec<u64>,
     /// Share of the output that was left where it was elected.
-    pub held: f64,
+    pub(crate) held: f64,
     /// Share of the output whose tile saw all that it depends on.
-    pub exact: f64,
+    pub(crate) exact: f64,
     /// What became of the seams.
-    pub seams: Seams,
+    pub(crate) seams: Seams,
     /// δ at the start of every iteration, and at the end.
-    pub convergence: Vec<f64>,
+    pub(crate) convergence: Vec<f64>,
     /// Nearest distances of seeds and output, in equal bins of 0 to 2 spacings.
-    pub histogram_seeds: Vec<u64>,
+    pub(crate) histogram_seeds: Vec<u64>,
     /// The same of points of the input, as many as there are in the output,
     /// about.
-    pub histogram_input: Vec<u64>,
+    pub(crate) histogram_input: Vec<u64>,
     /// The same of the output.
-    pub histogram: Vec<u64>,
+    pub(crate) histogram: Vec<u64>,
     /// One place before and after.
     #[serde(skip)]
-    pub glimpse: Glimpse,
+    pub(crate) detail: DetailView,
     /// A square to be walked around.
     #[serde(skip)]
-    pub excerpt: Excerpt,
+    pub(crate) excerpt: Excerpt,
     /// What came out, as a picture in PNG.
     #[serde(skip)]
-    pub portrait: Vec<u8>,
+    pub(crate) portrait: Vec<u8>,
     /// Figures square by square.
     #[serde(skip)]
-    pub area: AreaMap,
+    pub(crate) area: AreaMap,
     /// Where the output is least even.
-    pub worst: Vec<WorstRow>,
+    pub(crate) worst: Vec<WorstRow>,
     /// The tiles.
-    pub tiles: Vec<TileRow>,
+    pub(crate) tiles: Vec<TileRow>,
     /// What each stage took in this run.
-    pub stages: Vec<StageCost>,
+    pub(crate) stages: Vec<StageCost>,
     /// The memory budget in bytes.
-    pub memory_budget: u64,
+    pub(crate) memory_budget: u64,
     /// Most memory held, in bytes.
-    pub memory_peak: Option<u64>,
+    pub(crate) memory_peak: Option<u64>,
     /// Most temporary files held, in bytes.
-    pub temporary_peak: u64,
+    pub(crate) temporary_peak: u64,
     /// Memory and temporary files over time.
-    pub over_time: Vec<Held>,
+    pub(crate) over_time: Vec<ResourceSample>,
     /// What is worth a line.
-    pub notes: Vec<String>,
+    pub(crate) notes: Vec<String>,
 }
 
 /// Seams against the rest.
 #[derive(Clone, Debug, Serialize)]
-pub struct Seams {
+pub(crate) struct Seams {
     /// Sites that several tiles delivered.
-    pub shared: u64,
+    pub(crate) shared: u64,
     /// Of those, agreed on to the bit.
-    pub identical: u64,
+    pub(crate) identical: u64,
     /// Of those, decided by their owner.
-    pub resolved_by_owner: u64,
+    pub(crate) resolved_by_owner: u64,
     /// Sites that their home does not know.
-    pub unmatched: u64,
+    pub(crate) unmatched: u64,
     /// Largest disagreement on a shared site.
-    pub largest_disagreement: f64,
+    pub(crate) largest_disagreement: f64,
     /// Points written twice at one place.
-    pub duplicates: u64,
+    pub(crate) duplicates: u64,
     /// Within two spacings of a seam.
-    pub on_seams: Uniformity,
+    pub(crate) on_seams: Uniformity,
     /// Elsewhere.
-    pub elsewhere: Uniformity,
+    pub(crate) elsewhere: Uniformity,
 }
 
 /// Equal squares of the plane.
 #[derive(Clone, Debug)]
-pub struct AreaMap {
+pub(crate) struct AreaMap {
     /// Edge of a square.
-    pub edge: f64,
+    pub(crate) edge: f64,
     /// South-west corner of the first (world coordinates).
-    pub corner: [f64; 2],
+    pub(crate) corner: [f64; 2],
     /// Those with points.
-    pub squares: Vec<SquareRow>,
+    pub(crate) squares: Vec<SquareRow>,
 }
 
 /// One square.
 #[derive(Clone, Debug)]
-pub struct SquareRow {
+pub(crate) struct SquareRow {
     /// How many squares east and north of the first.
-    pub place: [i64; 2],
+    pub(crate) place: [i64; 2],
     /// Points of the input.
-    pub input: u64,
+    pub(crate) input: u64,
     /// Points of the output.
-    pub output: u64,
+    pub(crate) output: u64,
     /// δ of the output.
-    pub delta: f64,
+    pub(crate) delta: f64,
     /// Mean nearest distance of the output, in spacings.
-    pub mean: f64,
+    pub(crate) mean: f64,
 }
 
 /// A place where the output is less even than elsewhere.
 #[derive(Clone, Debug, Serialize)]
-pub struct WorstRow {
+pub(crate) struct WorstRow {
     /// Where (world coordinates).
-    pub place: [f64; 3],
+    pub(crate) place: [f64; 3],
     /// δ of the square around it.
-    pub delta: f64,
+    pub(crate) delta: f64,
     /// What it looks like.
     #[serde(skip)]
-    pub glimpse: Glimpse,
+    pub(crate) detail: DetailView,
 }
 
 /// One tile.
 #[derive(Clone, Debug, Serialize)]
-pub struct TileRow {
+pub(crate) struct TileRow {
     /// Its number.
-    pub id: u32,
+    pub(crate) id: u32,
     /// South-west corner (world coordinates).
-    pub min: [f64; 2],
+    pub(crate) min: [f64; 2],
     /// North-east corner.
-    pub max: [f64; 2],
+    pub(crate) max: [f64; 2],
     /// Points of its core.
-    pub points: u64,
+    pub(crate) points: u64,
     /// Points of core and halo.
-    pub points_seen: u64,
+    pub(crate) points_seen: u64,
     /// Points it put out.
-    pub sites: u64,
+    pub(crate) sites: u64,
     /// δ of its points, as written.
-    pub delta: f64,
+    pub(crate) delta: f64,
     /// Seconds that it took.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
 }
 
 impl Report {
     /// The report of a job that wrote `output` by `settings`.
-    pub fn new(outcome: &Outcome, output: &str, settings: Vec<(String, String)>) -> Self {
+    pub(crate) fn new(outcome: &Outcome, output: &str, settings: Vec<(String, String)>) -> Self {
         let spacing = outcome.plan.spacing;
         let tally = || UniformityTally::new(spacing);
         let (mut input, mut seeds, mut after) = (tally(), tally(), tally());
@@ -211,9 +211,10 @@ impl Report {
         let stitched = &outcome.stitched;
         // Distances as written, across seams; cells as the tiles saw them.
         let uniformity = stitched.all.figures().with_cells_of(&after.figures());
-        let lattice = outcome.plan.lattice;
-        let corner =
-            |c: [i64; 2]| [0, 1].map(|axis| c[axis] as f64 * lattice.scale + lattice.offset[axis]);
+        let quantization = outcome.plan.quantization;
+        let corner = |c: [i64; 2]| {
+            [0, 1].map(|axis| c[axis] as f64 * quantization.scale + quantization.offset[axis])
+        };
         Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             settings,
@@ -244,7 +245,7 @@ impl Report {
             histogram_input: input.histogram(BINS, SPANNED),
             histogram_seeds: seeds.histogram(BINS, SPANNED),
             histogram: stitched.all.histogram(BINS, SPANNED),
-            glimpse: outcome.glimpse.clone(),
+            detail: outcome.detail.clone(),
             excerpt: outcome.excerpt.clone(),
             portrait: outcome.portrait.clone(),
             area: area(outcome),
@@ -254,7 +255,7 @@ impl Report {
                 .map(|worst| WorstRow {
                     place: worst.place,
                     delta: worst.delta,
-                    glimpse: worst.glimpse.clone(),
+                    detail: worst.detail.clone(),
                 })
                 .collect(),
             tiles: outcome
@@ -286,23 +287,23 @@ impl Report {
     /// # Panics
     ///
     /// Never: a report is numbers and text.
-    pub fn to_json(&self) -> String {
+    pub(crate) fn to_json(&self) -> String {
         serde_json::to_string_pretty(self).expect("a report is numbers and text")
     }
 
     /// The report as one page that needs nothing else.
-    pub fn to_html(&self) -> String {
+    pub(crate) fn to_html(&self) -> String {
         page::page(self)
     }
 
     /// A page to walk around a place in, before and after, that needs nothing else; nothing
     /// if there is no point to be seen.
-    pub fn to_viewer(&self) -> Option<String> {
+    pub(crate) fn to_viewer(&self) -> Option<String> {
         viewer::viewer(self)
     }
 
     /// A few lines for a terminal.
-    pub fn summary(&self) -> String {
+    pub(crate) fn summary(&self) -> String {
         let mut text = format!(
             "{} points, {} apart: {}\n",
             thousands(self.points),
@@ -336,7 +337,7 @@ impl Report {
 
 fn area(outcome: &Outcome) -> AreaMap {
     let spacing = outcome.plan.spacing;
-    let (edge, corner) = outcome.field.ground(&outcome.plan.lattice);
+    let (edge, corner) = outcome.field.ground(&outcome.plan.quantization);
     let squares = outcome.field.squares().map(|(place, square)| {
         let distances = &square.distances;
         SquareRow {
@@ -359,7 +360,7 @@ fn area(outcome: &Outcome) -> AreaMap {
 }
 
 /// `1234567` as `1 234 567`.
-pub fn thousands(number: u64) -> String {
+pub(crate) fn thousands(number: u64) -> String {
     let digits = number.to_string();
     let mut out = String::new();
     for (place, digit) in digits.chars().enumerate() {
@@ -372,7 +373,7 @@ pub fn thousands(number: u64) -> String {
 }
 
 /// A figure with four digits, or a dash where there is none.
-pub fn figure(value: f64) -> String {
+pub(crate) fn figure(value: f64) -> String {
     if !value.is_finite() {
         "–".to_owned()
     } else if value != 0.0 && value.abs() < 1e-3 {

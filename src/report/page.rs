@@ -7,7 +7,7 @@ use base64::Engine;
 use super::{
     Report, SPANNED, TileRow, VIEWER_PAGE, WorstRow, chart, figure, map, thousands, verdicts,
 };
-use crate::{pipeline::Glimpse, quality::Uniformity};
+use crate::{job::DetailView, quality::Uniformity};
 
 pub(super) const STYLE: &str = "
 :root{color-scheme:light dark;--ink:#1b2430;--paper:#fbfbf9;--soft:#66707c;--rule:#d9dcd6;
@@ -206,7 +206,7 @@ fn worst(places: &[WorstRow]) -> String {
             let [x, y, z] = worst.place;
             format!(
                 "<figure>{}<figcaption>δ {} around {x:.2}, {y:.2}, {z:.2}</figcaption></figure>",
-                chart::before_and_after(&worst.glimpse),
+                chart::before_and_after(&worst.detail),
                 figure(worst.delta),
             )
         })
@@ -279,11 +279,11 @@ fn tile_map(tiles: &[TileRow]) -> String {
 /// The place from above, and the way to the viewer.
 fn before_and_after(report: &Report) -> String {
     if report.excerpt.after.is_empty() {
-        return glimpse(&report.glimpse);
+        return detail(&report.detail);
     }
     let name = Path::new(&report.output).file_name().unwrap_or_default();
     let page = format!("{}{VIEWER_PAGE}", name.to_string_lossy());
-    glimpse(&report.glimpse)
+    detail(&report.detail)
         + &format!(
             "<p><a class=\"viewer\" href=\"{}\">Walk around a place in three dimensions, before and \
              after</a> <span class=\"soft\">({}, beside this page)</span></p>",
@@ -303,20 +303,20 @@ fn in_address(name: &str) -> String {
         .collect()
 }
 
-fn glimpse(glimpse: &Glimpse) -> String {
-    if glimpse.after.is_empty() {
+fn detail(detail: &DetailView) -> String {
+    if detail.after.is_empty() {
         return "<p>nothing to see</p>".into();
     }
-    let choice = if glimpse.shown < 1.0 {
-        format!(" ({:.0} % of the points)", 100.0 * glimpse.shown)
+    let choice = if detail.shown < 1.0 {
+        format!(" ({:.0} % of the points)", 100.0 * detail.shown)
     } else {
         String::new()
     };
-    chart::before_and_after(glimpse)
+    chart::before_and_after(detail)
         + &format!(
             "<p class=\"soft\">{0} × {0} spacings from above: the input{choice}, and the output; \
              coloured by height</p>",
-            glimpse.side
+            detail.side
         )
 }
 

@@ -4,13 +4,13 @@ use super::{Report, figure, thousands};
 
 /// An answer, with the figures behind it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Verdict {
+pub(crate) struct Verdict {
     /// What was asked.
-    pub question: &'static str,
+    pub(crate) question: &'static str,
     /// `yes` or `look`.
-    pub answer: &'static str,
+    pub(crate) answer: &'static str,
     /// Why.
-    pub figures: String,
+    pub(crate) figures: String,
 }
 
 /// Lloyd must have made the cells more even than Poisson seeds are: less than
@@ -49,7 +49,7 @@ fn complete(written: u64, read: u64, [filtered, rejected, outside]: [u64; 3]) ->
 }
 
 /// Uniform? Faithful? Seamless? Complete?
-pub fn verdicts(report: &Report) -> [Verdict; 4] {
+pub(crate) fn verdicts(report: &Report) -> [Verdict; 4] {
     let (u, s) = (&report.uniformity, &report.seeds);
     let seams = &report.seams;
     let read: u64 = report.inputs.iter().map(|input| input.read).sum();

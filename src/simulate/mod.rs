@@ -17,6 +17,7 @@ mod scanner;
 mod shapes;
 mod street;
 
-pub use scanner::{SLICE, SimulatedPoint, StreetOptions};
-pub use shapes::Shape;
+pub use scanner::SimulatedPoint;
+pub use scanner::StreetOptions;
+pub(crate) use shapes::Shape;
 pub use street::Street;

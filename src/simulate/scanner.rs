@@ -7,7 +7,7 @@ use super::street::{Material, Street};
 use crate::geometry::{Local, spread};
 
 /// Points simulated together: a slice depends on nothing but its number.
-pub const SLICE: u64 = 50_000;
+pub(crate) const SLICE: u64 = 50_000;
 
 /// What is simulated.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -65,7 +65,7 @@ const TURN: [f64; 2] = [0.939_692_620_785_908_4, 0.342_020_143_325_668_7];
 
 impl Street {
     /// Points of pass `pass`, from 0.
-    pub fn points_of_pass(&self, pass: u32) -> u64 {
+    pub(crate) fn points_of_pass(&self, pass: u32) -> u64 {
         let passes = u64::from(self.options.passes.max(1));
         self.options.points / passes + u64::from(u64::from(pass) < self.options.points % passes)
     }

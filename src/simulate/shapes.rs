@@ -5,7 +5,7 @@ use crate::geometry::Local;
 
 /// A surface with exact intersections and distances.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Shape {
+pub(crate) enum Shape {
     /// A rectangle: a corner and two perpendicular edges.
     Rectangle {
         /// Corner.
@@ -36,7 +36,7 @@ const NEAREST: f64 = 0.3;
 impl Shape {
     /// The least distance along the ray at which it meets the shape, and the
     /// unit normal there.
-    pub fn hit(&self, origin: Local, direction: Local) -> Option<(f64, Local)> {
+    pub(crate) fn hit(&self, origin: Local, direction: Local) -> Option<(f64, Local)> {
         match *self {
             Self::Rectangle { corner, edges } => {
                 let normal = edges[0].cross(&edges[1]).normalize();
@@ -83,7 +83,7 @@ impl Shape {
     }
 
     /// Distance from `point` to the shape.
-    pub fn distance(&self, point: Local) -> f64 {
+    pub(crate) fn distance(&self, point: Local) -> f64 {
         match *self {
             Self::Rectangle { corner, edges } => {
                 let from = point - corner;
@@ -115,7 +115,7 @@ impl Shape {
     }
 
     /// The box around the shape: min, max.
-    pub fn bounds(&self) -> (Local, Local) {
+    pub(crate) fn bounds(&self) -> (Local, Local) {
         let around = |points: &[Local], margin: f64| {
             let nothing = (
                 Local::repeat(f64::INFINITY),

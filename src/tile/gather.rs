@@ -42,7 +42,7 @@ impl Spill {
     /// # Errors
     ///
     /// As [`gather`](Self::gather).
-    pub fn gather_each<T: Default + Send>(
+    pub(crate) fn gather_each<T: Default + Send>(
         &self,
         rect: &Rect,
         visit: impl Fn(&mut T, &[u8]) + Sync,

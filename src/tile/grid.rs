@@ -14,11 +14,11 @@ const CELLS_ALONG: i64 = 16;
 
 /// A cell, by its place in the grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct CellKey {
+pub(crate) struct CellKey {
     /// Counted northwards.
-    pub row: i32,
+    pub(crate) row: i32,
     /// Counted eastwards.
-    pub column: i32,
+    pub(crate) column: i32,
 }
 
 impl CellKey {
@@ -53,7 +53,7 @@ impl CellGrid {
     /// width or less (stored units). What is said is a hint: a grid that turns out to
     /// have too many cells is made coarser, one too coarse cannot be made finer, and
     /// a single stray point makes an extent of anything.
-    pub fn for_extent(extent: i64, usual: i64) -> Self {
+    pub(crate) fn for_extent(extent: i64, usual: i64) -> Self {
         Self::new((extent / CELLS_ALONG).min(usual))
     }
 
@@ -73,17 +73,17 @@ impl CellGrid {
     }
 
     /// Edge of a cell in stored units.
-    pub fn edge(&self) -> i64 {
+    pub(crate) fn edge(&self) -> i64 {
         self.edge
     }
 
     /// Edge of a counting square in stored units.
-    pub fn square(&self) -> i64 {
+    pub(crate) fn square(&self) -> i64 {
         self.edge / SQUARES
     }
 
     /// The one cell that holds `point`.
-    pub fn cell(&self, point: Stored) -> CellKey {
+    pub(crate) fn cell(&self, point: Stored) -> CellKey {
         let place = |c: i32| i64::from(c).div_euclid(self.edge) as i32;
         CellKey {
             row: place(point.y),
@@ -98,12 +98,12 @@ impl CellGrid {
     }
 
     /// The counting square of `point`, by its place in units of squares.
-    pub fn square_of(&self, point: Stored) -> [i64; 2] {
+    pub(crate) fn square_of(&self, point: Stored) -> [i64; 2] {
         [point.x, point.y].map(|c| i64::from(c).div_euclid(self.square()))
     }
 
     /// The part of the plane that the counting square at `place` covers.
-    pub fn rect_of_square(&self, place: [i64; 2]) -> Rect {
+    pub(crate) fn rect_of_square(&self, place: [i64; 2]) -> Rect {
         Rect {
             min: place.map(|c| c * self.square()),
             max: place.map(|c| (c + 1) * self.square()),
@@ -111,13 +111,13 @@ impl CellGrid {
     }
 
     /// The cell that the counting square at `place` is a part of.
-    pub fn cell_of_square(&self, place: [i64; 2]) -> CellKey {
+    pub(crate) fn cell_of_square(&self, place: [i64; 2]) -> CellKey {
         let [column, row] = place.map(|c| c.div_euclid(SQUARES) as i32);
         CellKey { row, column }
     }
 
     /// The part of the plane that `cell` covers.
-    pub fn rect(&self, cell: CellKey) -> Rect {
+    pub(crate) fn rect(&self, cell: CellKey) -> Rect {
         let min = [cell.column, cell.row].map(|c| i64::from(c) * self.edge);
         Rect {
             min,

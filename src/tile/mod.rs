@@ -23,15 +23,18 @@ mod spilling;
 mod stitch;
 mod whole;
 
-pub use grid::{CellGrid, CellKey};
-pub use pack::Pack;
-pub use plan::{Plan, PlanOptions, Square, Tile};
+pub use grid::CellGrid;
+pub(crate) use grid::CellKey;
+pub(crate) use pack::Pack;
+pub(crate) use plan::{Plan, PlanOptions, Square, Tile};
 pub use scatter::{Opener, ScatterOptions, Source, SourceError, scatter};
-pub use solved::{SolvedSite, SolvedTile};
-pub use spill::{Bounds, SourceProgress, Spill};
-pub use spilling::SpillWriter;
+pub use solved::SolvedSite;
+pub(crate) use solved::SolvedTile;
+pub(crate) use spill::Bounds;
+pub use spill::Spill;
+pub(crate) use spilling::SpillWriter;
 pub use stitch::{Guest, SeamTally, blend};
-pub use whole::{read_whole, write_whole};
+pub(crate) use whole::{read_whole, write_whole};
 
 use std::{io, path::Path};
 
@@ -40,7 +43,7 @@ use std::{io, path::Path};
 pub struct PointCounts {
     /// Points read.
     pub read: u64,
-    /// Of those, points out of the range of the run's lattice, left out.
+    /// Of those, points out of the range of the run's quantization, left out.
     pub rejected: u64,
     /// Of those, points that were not asked for, left out.
     pub filtered: u64,
@@ -51,7 +54,7 @@ pub struct PointCounts {
 
 impl PointCounts {
     /// Adds those of another part.
-    pub fn add(&mut self, other: &Self) {
+    pub(crate) fn add(&mut self, other: &Self) {
         self.read += other.read;
         self.rejected += other.rejected;
         self.filtered += other.filtered;

@@ -24,7 +24,7 @@ const HEADER_BYTES: u64 = 32;
 
 /// A file of blocks.
 #[derive(Debug)]
-pub struct Pack {
+pub(crate) struct Pack {
     path: PathBuf,
     file: File,
     blocks: HashMap<u64, Block>,
@@ -45,7 +45,7 @@ impl Pack {
     /// # Errors
     ///
     /// [`TileError::Io`] if that cannot be.
-    pub fn open(path: &Path) -> Result<Self, TileError> {
+    pub(crate) fn open(path: &Path) -> Result<Self, TileError> {
         let pack = || {
             let file = File::options()
                 .create(true)
@@ -66,7 +66,7 @@ impl Pack {
     /// # Errors
     ///
     /// [`TileError::Io`] if it cannot be read.
-    pub fn of_another(path: &Path) -> Result<Self, TileError> {
+    pub(crate) fn of_another(path: &Path) -> Result<Self, TileError> {
         let pack = File::open(path).and_then(|file| Self::found(path, file));
         pack.map_err(|source| TileError::io("open", path, source))
     }
@@ -103,18 +103,19 @@ impl Pack {
     /// # Errors
     ///
     /// [`TileError::Io`] if that cannot be.
-    pub fn create(path: &Path) -> Result<Self, TileError> {
+    pub(crate) fn create(path: &Path) -> Result<Self, TileError> {
         File::create(path).map_err(|source| TileError::io("create", path, source))?;
         Self::open(path)
     }
 
     /// Whether there is a block with this key.
-    pub fn contains(&self, key: u64) -> bool {
+    pub(crate) fn contains(&self, key: u64) -> bool {
         self.blocks.contains_key(&key)
     }
 
     /// Length of the file in bytes.
-    pub fn bytes(&self) -> u64 {
+    #[cfg(test)]
+    pub(crate) fn bytes(&self) -> u64 {
         self.end
     }
 
@@ -123,7 +124,7 @@ impl Pack {
     /// # Errors
     ///
     /// [`TileError::Io`] if they cannot be written; those before are as they were.
-    pub fn append(&mut self, blocks: &[(u64, &[u8])]) -> Result<(), TileError> {
+    pub(crate) fn append(&mut self, blocks: &[(u64, &[u8])]) -> Result<(), TileError> {
         let file = &mut self.file;
         let mut end = self.end;
         let mut write = || -> io::Result<Vec<(u64, Block)>> {
@@ -154,7 +155,7 @@ impl Pack {
     /// # Errors
     ///
     /// [`TileError::Io`] if that cannot be.
-    pub fn flush(&self) -> Result<(), TileError> {
+    pub(crate) fn flush(&self) -> Result<(), TileError> {
         self.file
             .sync_data()
             .map_err(|source| TileError::io("flush", &self.path, source))
@@ -166,7 +167,7 @@ impl Pack {
     ///
     /// [`TileError::Io`] if it cannot be read, [`TileError::Damaged`] if there is none
     /// or it is not what was written.
-    pub fn read(&self, key: u64) -> Result<Vec<u8>, TileError> {
+    pub(crate) fn read(&self, key: u64) -> Result<Vec<u8>, TileError> {
         let damaged = || TileError::damaged(&self.path);
         let block = *self.blocks.get(&key).ok_or_else(damaged)?;
         match self.content(block) {

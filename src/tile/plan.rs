@@ -22,50 +22,50 @@ const SLIVER: u64 = 4;
 
 /// What tiles must fit. Lengths are stored units.
 #[derive(Clone, Copy, Debug)]
-pub struct PlanOptions {
+pub(crate) struct PlanOptions {
     /// What a tile sees around its core.
-    pub halo: i64,
+    pub(crate) halo: i64,
     /// Every place this near to a point must be at home in a tile.
-    pub margin: i64,
+    pub(crate) margin: i64,
     /// Edge of square tiles; `None`: by the number of points.
-    pub tile_edge: Option<i64>,
+    pub(crate) tile_edge: Option<i64>,
     /// What a tile may cost, in the unit of the squares' costs.
-    pub most_cost: u64,
+    pub(crate) most_cost: u64,
 }
 
 /// An occupied counting square.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Square {
+pub(crate) struct Square {
     /// Its south-west corner, in units of squares.
-    pub place: [i64; 2],
+    pub(crate) place: [i64; 2],
     /// Points in it.
-    pub points: u64,
+    pub(crate) points: u64,
     /// What it costs a tile to see it.
-    pub cost: u64,
+    pub(crate) cost: u64,
 }
 
 /// A part of the plane that is solved alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Tile {
+pub(crate) struct Tile {
     /// Its place in the plan.
-    pub id: u32,
+    pub(crate) id: u32,
     /// What is at home in it (stored units).
-    pub core: Rect,
+    pub(crate) core: Rect,
     /// Points in the core.
-    pub points_core: u64,
+    pub(crate) points_core: u64,
     /// Points in core and halo, at most.
-    pub points_seen: u64,
+    pub(crate) points_seen: u64,
     /// What core and halo cost, at most.
-    pub cost: u64,
+    pub(crate) cost: u64,
 }
 
 /// All tiles of a job: every point is at home in exactly one.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Plan {
+pub(crate) struct Plan {
     /// What a tile sees around its core (stored units).
-    pub halo: i64,
+    pub(crate) halo: i64,
     /// The tiles, neighbours in the plane near each other in the list.
-    pub tiles: Vec<Tile>,
+    pub(crate) tiles: Vec<Tile>,
 }
 
 impl Plan {
@@ -73,7 +73,7 @@ impl Plan {
     ///
     /// A tile of a single square is taken whatever it costs, and so is one of a fixed
     /// size: whether they fit is to be seen by [`most_cost`](Self::most_cost).
-    pub fn make(squares: &[Square], square: i64, options: &PlanOptions) -> Self {
+    pub(crate) fn make(squares: &[Square], square: i64, options: &PlanOptions) -> Self {
         let points = Sums::new(squares.iter().map(|s| (s.place, s.points)), square);
         let costs = Sums::new(squares.iter().map(|s| (s.place, s.cost)), square);
         let mut cores = Vec::new();
@@ -103,7 +103,7 @@ impl Plan {
     }
 
     /// Plans tiles over `spill` that cost as many as the points they see.
-    pub fn by_points(spill: &Spill, options: &PlanOptions) -> Self {
+    pub(crate) fn by_points(spill: &Spill, options: &PlanOptions) -> Self {
         let squares: Vec<Square> = spill
             .squares()
             .map(|(place, points)| Square {
@@ -116,7 +116,7 @@ impl Plan {
     }
 
     /// What the costliest tile costs.
-    pub fn most_cost(&self) -> u64 {
+    pub(crate) fn most_cost(&self) -> u64 {
         self.tiles.iter().map(|t| t.cost).max().unwrap_or(0)
     }
 }

@@ -25,20 +25,20 @@ pub struct SolvedSite {
 
 /// The result of solving one tile.
 #[derive(Clone, Debug, PartialEq, Default)]
-pub struct SolvedTile {
+pub(crate) struct SolvedTile {
     /// Sites at home in the tile's core, by identity.
-    pub core: Vec<SolvedSite>,
+    pub(crate) core: Vec<SolvedSite>,
     /// Sites at home around it, as this tile sees them, by identity.
-    pub band: Vec<SolvedSite>,
+    pub(crate) band: Vec<SolvedSite>,
     /// For every site of the core the record of the nearest input point.
-    pub records: Vec<u8>,
+    pub(crate) records: Vec<u8>,
     /// Length of a record in bytes.
-    pub record_length: usize,
+    pub(crate) record_length: usize,
 }
 
 impl SolvedTile {
     /// The tile as bytes.
-    pub fn to_bytes(&self) -> Vec<u8> {
+    pub(crate) fn to_bytes(&self) -> Vec<u8> {
         let sites = self.core.len() + self.band.len();
         let mut bytes = Vec::with_capacity(HEADER_BYTES + SITE_BYTES * sites + self.records.len());
         for number in [
@@ -57,7 +57,7 @@ impl SolvedTile {
     }
 
     /// The tile of which these are the bytes; `None` if they are of none.
-    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
+    pub(crate) fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let word = |at: usize| -> Option<u64> {
             Some(u64::from_le_bytes(bytes.get(at..at + 8)?.try_into().ok()?))
         };

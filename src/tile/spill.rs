@@ -43,11 +43,11 @@ pub(super) struct Chunk {
 
 /// The true bounds of the points, in stored units; inverted if there are none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Bounds {
+pub(crate) struct Bounds {
     /// Smallest coordinates.
-    pub min: [i32; 3],
+    pub(crate) min: [i32; 3],
     /// Largest coordinates.
-    pub max: [i32; 3],
+    pub(crate) max: [i32; 3],
 }
 
 impl Bounds {
@@ -74,7 +74,7 @@ impl Bounds {
     }
 
     /// The longest side in stored units; 0 if there are no points.
-    pub fn extent(&self) -> i64 {
+    pub(crate) fn extent(&self) -> i64 {
         (0..3)
             .map(|axis| i64::from(self.max[axis]) - i64::from(self.min[axis]))
             .fold(0, i64::max)
@@ -83,11 +83,11 @@ impl Bounds {
 
 /// How far a source has been scattered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct SourceProgress {
+pub(crate) struct SourceProgress {
     /// Points taken from it.
-    pub counts: PointCounts,
+    pub(crate) counts: PointCounts,
     /// Whether there are no more.
-    pub is_done: bool,
+    pub(crate) is_done: bool,
 }
 
 /// What is known of a spill.
@@ -125,7 +125,7 @@ pub struct Spill {
 impl Spill {
     /// Whether there is a complete spill at `stem`: the path of its files, without
     /// their endings.
-    pub fn is_complete(stem: &Path) -> bool {
+    pub(crate) fn is_complete(stem: &Path) -> bool {
         index_path(stem).exists()
     }
 
@@ -146,7 +146,7 @@ impl Spill {
     ///
     /// As [`open`](Self::open); [`TileError::Damaged`], too, if they were not begun with
     /// the same grid, or there are none.
-    pub fn join(stems: &[PathBuf]) -> Result<Self, TileError> {
+    pub(crate) fn join(stems: &[PathBuf]) -> Result<Self, TileError> {
         let mut joined: Option<Index> = None;
         for (file, stem) in (0..).zip(stems) {
             let index = Self::index(stem)?;
@@ -181,7 +181,7 @@ impl Spill {
     }
 
     /// Removes its files; what cannot be removed stays.
-    pub fn remove(self) {
+    pub(crate) fn remove(self) {
         for path in self.files {
             drop(std::fs::remove_file(path.with_extension("index")));
             drop(std::fs::remove_file(path));
@@ -189,32 +189,32 @@ impl Spill {
     }
 
     /// Number of points.
-    pub fn points(&self) -> u64 {
+    pub(crate) fn points(&self) -> u64 {
         self.points
     }
 
     /// True bounds of the points.
-    pub fn bounds(&self) -> Bounds {
+    pub(crate) fn bounds(&self) -> Bounds {
         self.index.bounds
     }
 
     /// Length of a record in bytes.
-    pub fn record_length(&self) -> usize {
+    pub(crate) fn record_length(&self) -> usize {
         self.index.record_length
     }
 
     /// The grid that the points were spilled by.
-    pub fn grid(&self) -> CellGrid {
+    pub(crate) fn grid(&self) -> CellGrid {
         self.index.grid
     }
 
     /// What was taken from each source, in the order of the sources.
-    pub fn sources(&self) -> impl Iterator<Item = PointCounts> + '_ {
+    pub(crate) fn sources(&self) -> impl Iterator<Item = PointCounts> + '_ {
         self.index.sources.iter().map(|source| source.counts)
     }
 
     /// Bytes on disk, records and index.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         self.index.bytes
             + 24 * self.index.chunks.len() as u64
             + (8 + 8 * 64) * self.index.counts.len() as u64
@@ -222,7 +222,7 @@ impl Spill {
 
     /// The occupied counting squares, by their south-west corner in units of
     /// squares, and the points in each; in a fixed order.
-    pub fn squares(&self) -> impl Iterator<Item = ([i64; 2], u64)> + '_ {
+    pub(crate) fn squares(&self) -> impl Iterator<Item = ([i64; 2], u64)> + '_ {
         self.index.counts.iter().flat_map(|(cell, squares)| {
             let corner = [cell.column, cell.row].map(|c| i64::from(c) * SQUARES);
             (0..)

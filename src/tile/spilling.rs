@@ -12,7 +12,7 @@ use super::{
     missing_debug_implementations,
     reason = "buffers of other people's points"
 )]
-pub struct SpillWriter {
+pub(crate) struct SpillWriter {
     stem: PathBuf,
     growing: Growing,
     record_length: usize,
@@ -25,7 +25,7 @@ impl SpillWriter {
     /// # Errors
     ///
     /// [`TileError::Io`] if its file cannot be made.
-    pub fn create(
+    pub(crate) fn create(
         stem: &Path,
         grid: CellGrid,
         record_length: usize,
@@ -50,7 +50,7 @@ impl SpillWriter {
     /// # Errors
     ///
     /// [`TileError::Io`] if they cannot be written.
-    pub fn push(&mut self, records: &[u8]) -> Result<(), TileError> {
+    pub(crate) fn push(&mut self, records: &[u8]) -> Result<(), TileError> {
         let counts = PointCounts {
             read: (records.len() / self.record_length) as u64,
             ..PointCounts::default()
@@ -65,7 +65,7 @@ impl SpillWriter {
     /// # Errors
     ///
     /// [`TileError::Io`] if it cannot be written.
-    pub fn finish(self) -> Result<Spill, TileError> {
+    pub(crate) fn finish(self) -> Result<Spill, TileError> {
         self.growing.finish()?;
         Spill::open(&self.stem)
     }

@@ -33,13 +33,13 @@ const ANOTHER_BASIN: f64 = 0.25;
 pub struct SeamTally {
     spacing: f64,
     /// Sites that several tiles delivered.
-    pub shared: u64,
+    pub(crate) shared: u64,
     /// Of those, sites on which all agreed to the bit.
-    pub identical: u64,
+    pub(crate) identical: u64,
     /// Of those, sites on which the owner's word stands.
-    pub resolved_by_owner: u64,
+    pub(crate) resolved_by_owner: u64,
     /// Sites of a band that their home does not know.
-    pub unmatched: u64,
+    pub(crate) unmatched: u64,
     /// Largest disagreement of every shared site.
     disagreements: DistanceTally,
 }
@@ -58,7 +58,7 @@ impl SeamTally {
     }
 
     /// The disagreements of all shared sites.
-    pub fn disagreements(&self) -> DistanceFigures {
+    pub(crate) fn disagreements(&self) -> DistanceFigures {
         self.disagreements.figures()
     }
 }

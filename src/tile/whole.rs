@@ -16,7 +16,7 @@ use crate::geometry::spread;
 /// # Errors
 ///
 /// As the operating system says; what stood under the name still does then.
-pub fn write_whole(path: &Path, content: &[u8]) -> io::Result<()> {
+pub(crate) fn write_whole(path: &Path, content: &[u8]) -> io::Result<()> {
     let aside = path.with_extension("part");
     let mut file = File::create(&aside)?;
     file.write_all(content)?;
@@ -30,7 +30,7 @@ pub fn write_whole(path: &Path, content: &[u8]) -> io::Result<()> {
 /// # Errors
 ///
 /// As the operating system says.
-pub fn read_whole(path: &Path) -> io::Result<Option<Vec<u8>>> {
+pub(crate) fn read_whole(path: &Path) -> io::Result<Option<Vec<u8>>> {
     let mut bytes = fs::read(path)?;
     let Some(content) = checked(&bytes).map(<[u8]>::len) else {
         return Ok(None);

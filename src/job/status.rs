@@ -19,32 +19,32 @@ const SPARE_MINUTES: u64 = 10;
 
 /// How far a job is.
 #[derive(Clone, Debug, Serialize)]
-pub struct JobStatus {
+pub(crate) struct JobStatus {
     /// Groups of scans that were scattered, and all of them; nothing if that is over, or one
     /// process does it alone.
-    pub scattered: Option<[u64; 2]>,
+    pub(crate) scattered: Option<[u64; 2]>,
     /// Tiles of the job; none before all is scattered.
-    pub tiles: u64,
+    pub(crate) tiles: u64,
     /// Of those solved.
-    pub solved: u64,
+    pub(crate) solved: u64,
     /// Share of the scattering that is done, or of the solving.
-    pub share: f64,
+    pub(crate) share: f64,
     /// Groups that somebody works on, or did.
-    pub begun: Vec<BegunGroup>,
+    pub(crate) begun: Vec<BegunGroup>,
     /// Seconds until all are solved, by as many as now work; nothing if nobody does or no tile is
     /// solved.
-    pub seconds: Option<f64>,
+    pub(crate) seconds: Option<f64>,
 }
 
 /// Work that somebody has begun.
 #[derive(Clone, Debug, Serialize)]
-pub struct BegunGroup {
+pub(crate) struct BegunGroup {
     /// The group of scans; of tiles, those.
-    pub members: Vec<u32>,
+    pub(crate) members: Vec<u32>,
     /// The attempt, from 1.
-    pub attempt: u32,
+    pub(crate) attempt: u32,
     /// Seconds since anything was heard of it, by the clocks of the machines.
-    pub silent: f64,
+    pub(crate) silent: f64,
 }
 
 impl JobStatus {
@@ -53,7 +53,7 @@ impl JobStatus {
     /// # Errors
     ///
     /// If `dir` holds no job that several processes do, or cannot be read.
-    pub fn of(dir: &Path) -> Result<Self, JobError> {
+    pub(crate) fn of(dir: &Path) -> Result<Self, JobError> {
         if let Some(groups) = ScanGroups::read(dir)
             && !Handover::is_in(dir)
         {
@@ -97,7 +97,7 @@ impl JobStatus {
     /// # Errors
     ///
     /// If `dir` holds no scattered job, or cannot be read.
-    pub fn minutes_at_most(dir: &Path, tasks: u32, cores: u32) -> Result<u64, JobError> {
+    pub(crate) fn minutes_at_most(dir: &Path, tasks: u32, cores: u32) -> Result<u64, JobError> {
         let handover = Handover::read(dir)?;
         let (plan, settings) = (&handover.plan, &handover.job.settings);
         let groups = groups(&plan.plan);

@@ -2,19 +2,19 @@
 
 use super::JobError;
 use crate::{
-    geometry::{Lattice, Rect, Stored},
-    lloyd::{Options, Scan},
+    geometry::{Quantization, Rect, Stored},
+    lloyd::{Scan, SolverOptions},
     tile::Spill,
 };
 
 /// The points of `spill` in `rect`, all of them or, if they are more than `crowd`,
-/// no fewer than a scan for `options` keeps of them. Held at a time are about twice
+/// no fewer than a scan for `options` keeps of them. ResourceSample at a time are about twice
 /// as many as are kept, or `crowd`.
 pub(super) fn gather_points(
     spill: &Spill,
     rect: &Rect,
-    lattice: &Lattice,
-    options: &Options,
+    quantization: &Quantization,
+    options: &SolverOptions,
     crowd: u64,
 ) -> Result<Vec<Stored>, JobError> {
     let mut points: Vec<Stored> = Vec::new();
@@ -25,7 +25,7 @@ pub(super) fn gather_points(
         |found| {
             points.extend(found);
             if points.len() > most {
-                points = Scan::thinned(std::mem::take(&mut points), lattice, options);
+                points = Scan::thinned(std::mem::take(&mut points), quantization, options);
                 most = most.max(2 * points.len());
             }
         },

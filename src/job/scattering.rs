@@ -30,21 +30,21 @@ const CHECKPOINT_BYTES: u64 = 1 << 30;
 
 /// Points of one input.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct InputCount {
+pub(crate) struct InputCount {
     /// The file.
-    pub path: String,
+    pub(crate) path: String,
     /// Points that its header claims.
-    pub claimed: u64,
+    pub(crate) claimed: u64,
     /// Points read.
-    pub read: u64,
+    pub(crate) read: u64,
     /// Points out of the range of the run's scale, left out.
-    pub rejected: u64,
+    pub(crate) rejected: u64,
     /// Points that were not asked for, left out.
-    pub filtered: u64,
+    pub(crate) filtered: u64,
     /// Points outside of the bounds that the header claims.
-    pub outside: u64,
+    pub(crate) outside: u64,
     /// Why the whole file was left out, if it was.
-    pub left_out: Option<String>,
+    pub(crate) left_out: Option<String>,
 }
 
 impl Source for PointStream {
@@ -189,8 +189,9 @@ impl Scattering<'_> {
                 let open = move |skip| {
                     let rest = part.start + skip..part.end;
                     let input = &survey.inputs[*input];
-                    let (record, lattice) = (&survey.record, survey.lattice);
-                    let stream = PointStream::open(input, rest, record, lattice, &survey.filter)?;
+                    let (record, quantization) = (&survey.record, survey.quantization);
+                    let stream =
+                        PointStream::open(input, rest, record, quantization, &survey.filter)?;
                     Ok(Box::new(stream) as Box<dyn Source>)
                 };
                 Box::new(open) as Opener<'_>
@@ -203,7 +204,7 @@ impl Scattering<'_> {
             checkpoint_bytes: CHECKPOINT_BYTES,
             keep_going: self.keep_going,
         };
-        let usual = (1.0 / survey.lattice.scale).ceil() as i64;
+        let usual = (1.0 / survey.quantization.scale).ceil() as i64;
         let grid = CellGrid::for_extent(survey.extent_claimed(), usual);
         let progress = |points| self.progress.advance(points);
         scatter(sources, grid, stem, options, &progress, self.cancel).map_err(|error| match error {

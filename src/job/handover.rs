@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Job, JobError, JobPlan, Progress, Worker,
-    job::{Running, threads},
+    running::{Running, threads},
 };
 use crate::{
     config::Settings,
@@ -72,7 +72,7 @@ impl Job {
     /// # Errors
     ///
     /// See [`JobError`].
-    pub fn scatter(
+    pub(crate) fn scatter(
         &self,
         worker: &Worker,
         progress: &dyn Progress,
@@ -91,7 +91,7 @@ impl Job {
     /// # Errors
     ///
     /// See [`JobError`].
-    pub fn hand_over(
+    pub(crate) fn hand_over(
         &self,
         worker: &Worker,
         progress: &dyn Progress,
@@ -123,7 +123,7 @@ impl Job {
     /// # Errors
     ///
     /// [`JobError::Refused`] if that is no job directory, or its points are not scattered.
-    pub fn handed_over(dir: &Path) -> Result<Self, JobError> {
+    pub(crate) fn handed_over(dir: &Path) -> Result<Self, JobError> {
         Handover::read(dir).map(|handover| handover.job)
     }
 

@@ -15,7 +15,7 @@ use super::{
     tiles::{SettledTiles, SolvedTiles},
 };
 use crate::{
-    geometry::{Lattice, Local, NeighborGrid, Rect, Stored},
+    geometry::{Local, NeighborGrid, Quantization, Rect, Stored},
     las::{CloudWriter, move_to},
     quality::UniformityTally,
     tile::{Guest, Plan, SeamTally, Tile, blend},
@@ -26,17 +26,17 @@ const SEAM: f64 = 2.0;
 
 /// What the stitch found. Lengths are CRS units.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Stitched {
+pub(crate) struct Stitched {
     /// How well tiles agreed.
-    pub seams: SeamTally,
+    pub(crate) seams: SeamTally,
     /// Nearest distances of the whole cloud, as written.
-    pub all: UniformityTally,
+    pub(crate) all: UniformityTally,
     /// Of sites within two spacings of another tile.
-    pub on_seams: UniformityTally,
+    pub(crate) on_seams: UniformityTally,
     /// Of the others.
-    pub elsewhere: UniformityTally,
+    pub(crate) elsewhere: UniformityTally,
     /// Points written at a place where another one is.
-    pub duplicates: u64,
+    pub(crate) duplicates: u64,
 }
 
 /// The tiles whose cores lie within `reach` (stored units) of `tile`'s.
@@ -53,11 +53,11 @@ pub(super) fn settle(
     plan: &Plan,
     tiles: &SolvedTiles,
     settled: &mut SettledTiles,
-    lattice: &Lattice,
+    quantization: &Quantization,
     spacing: f64,
     progress: &dyn Progress,
 ) -> Result<SeamTally, JobError> {
-    let band = lattice.units(BAND * spacing);
+    let band = quantization.units(BAND * spacing);
     let mut tally = SeamTally::new(spacing);
     for tile in &plan.tiles {
         let mut own = tiles.solved(tile.id)?;
@@ -73,7 +73,7 @@ pub(super) fn settle(
         let places = blend(&tile.core, &own.core, &guests, band, &mut tally);
         for (record, place) in own.records.chunks_exact_mut(own.record_length).zip(places) {
             // A site that is nowhere stays where it was elected.
-            let place = lattice
+            let place = quantization
                 .stored(place)
                 .unwrap_or_else(|| Stored::of_record(record));
             move_to(record, place);
@@ -90,7 +90,7 @@ pub(super) fn settle(
 pub(super) fn write(
     plan: &Plan,
     settled: &SettledTiles,
-    lattice: &Lattice,
+    quantization: &Quantization,
     spacing: f64,
     record_length: usize,
     seams: SeamTally,
@@ -99,8 +99,8 @@ pub(super) fn write(
     progress: &dyn Progress,
 ) -> Result<(Stitched, HashMap<u32, UniformityTally>), JobError> {
     // Sites end within a spacing or two of where they are at home.
-    let reach = lattice.units(2.0 * BAND * spacing);
-    let seam = lattice.units(SEAM * spacing);
+    let reach = quantization.units(2.0 * BAND * spacing);
+    let seam = quantization.units(SEAM * spacing);
     let tally = || UniformityTally::new(spacing);
     let mut stitched = Stitched {
         seams,
@@ -117,7 +117,7 @@ pub(super) fn write(
             .collect();
         let mut places: Vec<Local> = records
             .chunks_exact(record_length)
-            .map(|record| lattice.local(Stored::of_record(record)))
+            .map(|record| quantization.local(Stored::of_record(record)))
             .collect();
         let own = places.len();
         for other in adjacent(plan, tile, reach) {
@@ -128,7 +128,7 @@ pub(super) fn write(
                     .chunks_exact(record_length)
                     .map(Stored::of_record)
                     .filter(|&point| wide.contains(point))
-                    .map(|point| lattice.local(point)),
+                    .map(|point| quantization.local(point)),
             );
         }
         let grid = NeighborGrid::new(&places, spacing);

@@ -2,22 +2,22 @@
 
 use super::{JobError, tiles::SettledTiles};
 use crate::{
-    geometry::{Lattice, Rect, Stored},
+    geometry::{Quantization, Rect, Stored},
     tile::{Plan, Spill},
 };
 
 /// A square of the plane with what lies in it, from above. Lengths are in
 /// spacings, from the square's south-west corner and from its lowest point.
 #[derive(Clone, Debug, Default)]
-pub struct Glimpse {
+pub(crate) struct DetailView {
     /// Its side.
-    pub side: f64,
+    pub(crate) side: f64,
     /// Points of the input, or an even choice of them.
-    pub before: Vec<[f64; 3]>,
+    pub(crate) before: Vec<[f64; 3]>,
     /// Share of the input's points that are shown.
-    pub shown: f64,
+    pub(crate) shown: f64,
     /// Points of the output.
-    pub after: Vec<[f64; 3]>,
+    pub(crate) after: Vec<[f64; 3]>,
 }
 
 /// Side of the square, in spacings.
@@ -36,7 +36,7 @@ pub(super) struct Look<'a> {
     pub(super) has_color: bool,
     /// Sites to a point of the input.
     pub(super) sites_per_point: f64,
-    pub(super) lattice: &'a Lattice,
+    pub(super) quantization: &'a Quantization,
     pub(super) spacing: f64,
 }
 
@@ -59,10 +59,10 @@ impl Look<'_> {
     }
 
     /// The middle of `tile`; nothing if it has no site.
-    pub(super) fn at_middle(&self, tile: u32) -> Result<Glimpse, JobError> {
+    pub(super) fn at_middle(&self, tile: u32) -> Result<DetailView, JobError> {
         match self.site_near(tile, None)? {
             Some(middle) => self.around(middle),
-            None => Ok(Glimpse::default()),
+            None => Ok(DetailView::default()),
         }
     }
 
@@ -82,17 +82,17 @@ impl Look<'_> {
     }
 
     /// The square around `middle` (stored units).
-    pub(super) fn around(&self, middle: [i64; 2]) -> Result<Glimpse, JobError> {
+    pub(super) fn around(&self, middle: [i64; 2]) -> Result<DetailView, JobError> {
         let Self {
             plan,
             spill,
-            lattice,
+            quantization,
             spacing,
             ..
         } = *self;
         let square = Rect {
-            min: middle.map(|c| c - lattice.units(0.5 * SIDE * spacing)),
-            max: middle.map(|c| c + lattice.units(0.5 * SIDE * spacing)),
+            min: middle.map(|c| c - quantization.units(0.5 * SIDE * spacing)),
+            max: middle.map(|c| c + quantization.units(0.5 * SIDE * spacing)),
         };
         let mut count = 0;
         spill.gather(&square, |_| count += 1)?;
@@ -101,12 +101,12 @@ impl Look<'_> {
         let mut before = Vec::new();
         spill.gather(&square, |record| {
             let point = Stored::of_record(record);
-            if point.lot() <= threshold {
+            if point.tie_break_hash() <= threshold {
                 before.push(point);
             }
         })?;
         let mut after = Vec::new();
-        let near = square.grown(lattice.units(SIDE * spacing));
+        let near = square.grown(quantization.units(SIDE * spacing));
         for tile in plan.tiles.iter().filter(|t| t.core.intersects(&near)) {
             after.extend(
                 self.sites(tile.id)?
@@ -126,11 +126,11 @@ impl Look<'_> {
                         i64::from(p.y) - square.min[1],
                         i64::from(p.z) - i64::from(lowest),
                     ];
-                    from_corner.map(|c| c as f64 * lattice.scale / spacing)
+                    from_corner.map(|c| c as f64 * quantization.scale / spacing)
                 })
                 .collect()
         };
-        Ok(Glimpse {
+        Ok(DetailView {
             side: SIDE,
             before: places(before),
             shown,

@@ -102,12 +102,12 @@ impl Transfer {
         known: &Rect,
         spacing: f64,
     ) -> Result<(Vec<u8>, Vec<f64>), JobError> {
-        let lattice = scan.lattice();
+        let quantization = scan.quantization();
         // What is written is what is measured.
         let place_of = |site: &Site| {
-            lattice
+            quantization
                 .stored(site.position)
-                .map_or(site.position, |stored| lattice.local(stored))
+                .map_or(site.position, |stored| quantization.local(stored))
         };
         let nearest_of = |site: &Site| {
             scan.nearest(place_of(site), FARTHEST * spacing)
@@ -132,7 +132,8 @@ impl Transfer {
                     keep_smallest(&mut found.records, point, record);
                 }
                 if let Some(sites) = &cells_of
-                    && let Some((site, _)) = sites.nearest(lattice.local(point), spacing, |_| false)
+                    && let Some((site, _)) =
+                        sites.nearest(quantization.local(point), spacing, |_| false)
                 {
                     let cell = found.cells.entry(site).or_default();
                     cell.add(record, self.record.standard_length());
@@ -184,7 +185,7 @@ impl Transfer {
                 record[CLASS] = cell.majority(record[CLASS]);
             }
         }
-        let is_bounded = site.is_closed && !site.is_held && site.area > 0.0;
+        let is_bounded = site.is_closed && !site.is_fixed && site.area > 0.0;
         let area = if is_bounded { site.area } else { f64::NAN };
         for (computed, places) in &self.computed {
             let values = match computed {

@@ -19,27 +19,27 @@ use super::{
 
 /// Time and memory of a stage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct StageCost {
+pub(crate) struct StageCost {
     /// The stage.
-    pub stage: String,
+    pub(crate) stage: String,
     /// Seconds that it took in this run.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
     /// Most memory held until its end, in bytes.
-    pub peak: Option<u64>,
+    pub(crate) peak: Option<u64>,
 }
 
 /// What was held at a moment of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Held {
+pub(crate) struct ResourceSample {
     /// Seconds since the run began.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
     /// Memory, in bytes; nothing where the system does not tell.
-    pub memory: Option<u64>,
+    pub(crate) memory: Option<u64>,
     /// Files in the job directory, in bytes.
-    pub disk: u64,
+    pub(crate) disk: u64,
 }
 
-impl Held {
+impl ResourceSample {
     fn now(start: Instant, dir: &Path) -> Self {
         Self {
             seconds: start.elapsed().as_secs_f64(),
@@ -67,7 +67,7 @@ pub(super) struct Clock {
 /// Moments at equal distances in time.
 #[derive(Debug)]
 struct Series {
-    held: Vec<Held>,
+    held: Vec<ResourceSample>,
     stride: u32,
     ticks: u32,
 }
@@ -81,7 +81,7 @@ impl Series {
         }
     }
 
-    fn push(&mut self, held: Held) {
+    fn push(&mut self, held: ResourceSample) {
         if self.ticks.is_multiple_of(self.stride) {
             self.held.push(held);
         }
@@ -109,7 +109,7 @@ impl Clock {
         }
     }
 
-    /// Looks from now on, in a thread of its own, at the memory and at the files in `dir`,
+    /// DisplayAttributes from now on, in a thread of its own, at the memory and at the files in `dir`,
     /// and tells the listener of `forecast` where the run stands.
     pub(super) fn watch<'scope, 'env: 'scope>(
         &mut self,
@@ -122,7 +122,7 @@ impl Clock {
         let (start, held) = (self.start, Arc::clone(&self.held));
         scope.spawn(move || {
             while ended.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
-                let now = Held::now(start, dir);
+                let now = ResourceSample::now(start, dir);
                 lock(&held).push(now);
                 forecast.standing(&Standing {
                     memory: now.memory,
@@ -145,9 +145,9 @@ impl Clock {
     }
 
     /// The stages, and what was held over time, now that all is done in `dir`.
-    pub(super) fn costs(self, dir: &Path) -> (Vec<StageCost>, Vec<Held>) {
+    pub(super) fn costs(self, dir: &Path) -> (Vec<StageCost>, Vec<ResourceSample>) {
         let mut held = lock(&self.held).held.clone();
-        held.push(Held::now(self.start, dir));
+        held.push(ResourceSample::now(self.start, dir));
         (self.stages, held)
     }
 }
@@ -164,7 +164,7 @@ mod tests {
     fn a_long_run_is_kept_in_bounded_room_from_end_to_end() {
         let mut series = Series::new();
         for second in 0..10_000 {
-            series.push(Held {
+            series.push(ResourceSample {
                 seconds: f64::from(second),
                 memory: None,
                 disk: 0,

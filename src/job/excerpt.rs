@@ -2,52 +2,52 @@
 
 use rayon::prelude::*;
 
-use super::{JobError, glimpse::Look};
+use super::{JobError, detail::Look};
 use crate::{
     geometry::{NeighborGrid, Rect, Stored},
-    las::Looks,
+    las::DisplayAttributes,
 };
 
 /// A square of the plane with what stands on it, before and after. Lengths are CRS units,
 /// from the square's south-west corner and from its lowest point.
 #[derive(Clone, Debug, Default)]
-pub struct Excerpt {
+pub(crate) struct Excerpt {
     /// Its side.
-    pub side: f64,
+    pub(crate) side: f64,
     /// Its middle (world coordinates).
-    pub middle: [f64; 2],
+    pub(crate) middle: [f64; 2],
     /// Spacing of the output.
-    pub spacing: f64,
+    pub(crate) spacing: f64,
     /// Length of a step of the points' coordinates.
-    pub step: f64,
+    pub(crate) step: f64,
     /// Between these heights lie all points but strays.
-    pub heights: [f64; 2],
+    pub(crate) heights: [f64; 2],
     /// Whether points have colour.
-    pub has_color: bool,
+    pub(crate) has_color: bool,
     /// Points of the input that lie here.
-    pub scanned: u64,
+    pub(crate) scanned: u64,
     /// Of those all, or an even choice.
-    pub before: Vec<ShownPoint>,
+    pub(crate) before: Vec<ShownPoint>,
     /// All points of the output.
-    pub after: Vec<ShownPoint>,
+    pub(crate) after: Vec<ShownPoint>,
     /// West, south, east and north of the tiles that meet here.
-    pub borders: Vec<[f64; 4]>,
+    pub(crate) borders: Vec<[f64; 4]>,
 }
 
 /// A point as it is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ShownPoint {
+pub(crate) struct ShownPoint {
     /// Where, in steps.
-    pub place: [u16; 3],
+    pub(crate) place: [u16; 3],
     /// Red, green and blue.
-    pub color: [u8; 3],
+    pub(crate) color: [u8; 3],
     /// Intensity, as a share of a strong one.
-    pub intensity: u8,
+    pub(crate) intensity: u8,
     /// Class.
-    pub class: u8,
+    pub(crate) class: u8,
     /// Distance to the nearest point of the output, in 1/128 of a spacing; of an input
     /// point nothing.
-    pub distance: u8,
+    pub(crate) distance: u8,
 }
 
 /// Points of the input that the square may hold, of the output, and of the input that are
@@ -63,7 +63,7 @@ const STRAY: f64 = 0.002;
 const FARTHEST: f64 = 2.0;
 
 /// A point of the lattice and what it looks like.
-type Seen = (Stored, Looks);
+type Seen = (Stored, DisplayAttributes);
 
 impl Look<'_> {
     /// A square around a place where tiles meet, if any do, near the corner of `tile`;
@@ -78,7 +78,7 @@ impl Look<'_> {
             max: middle.map(|c| c + half),
         };
         let (scanned, before) = self.scanned(&square)?;
-        let wide = square.grown(self.lattice.units(FARTHEST * self.spacing));
+        let wide = square.grown(self.quantization.units(FARTHEST * self.spacing));
         let around = self.written(&wide)?;
         let distances = self.nearest(&around);
         let (after, distances): (Vec<Seen>, Vec<u8>) = around
@@ -114,7 +114,7 @@ impl Look<'_> {
     /// Half of the side of the largest square around `middle` (stored units) that does not
     /// hold too many points, by the counts of the spill.
     fn half_side(&self, middle: [i64; 2]) -> i64 {
-        let [least, most] = HALF_SIDE.map(|half| self.lattice.units(half * self.spacing));
+        let [least, most] = HALF_SIDE.map(|half| self.quantization.units(half * self.spacing));
         let grid = self.spill.grid();
         let mut squares: Vec<(i64, u64)> = self
             .spill
@@ -146,8 +146,8 @@ impl Look<'_> {
         let mut seen = Vec::new();
         self.spill.gather(square, |record| {
             let point = Stored::of_record(record);
-            if point.lot() <= threshold {
-                seen.push((point, Looks::of_record(record, self.has_color)));
+            if point.tie_break_hash() <= threshold {
+                seen.push((point, DisplayAttributes::of_record(record, self.has_color)));
             }
         })?;
         Ok((scanned, seen))
@@ -157,13 +157,13 @@ impl Look<'_> {
     fn written(&self, square: &Rect) -> Result<Vec<Seen>, JobError> {
         let mut seen = Vec::new();
         // A site ends near its tile, not always in it.
-        let near = square.grown(self.lattice.units(FARTHEST * self.spacing));
+        let near = square.grown(self.quantization.units(FARTHEST * self.spacing));
         for tile in self.plan.tiles.iter().filter(|t| t.core.intersects(&near)) {
             let records = self.settled.records(tile.id)?;
             for record in records.chunks_exact(self.record_length) {
                 let point = Stored::of_record(record);
                 if square.contains(point) {
-                    seen.push((point, Looks::of_record(record, self.has_color)));
+                    seen.push((point, DisplayAttributes::of_record(record, self.has_color)));
                 }
             }
         }
@@ -172,7 +172,10 @@ impl Look<'_> {
 
     /// Distance of each point to the nearest other one, as it is shown.
     fn nearest(&self, points: &[Seen]) -> Vec<u8> {
-        let places: Vec<_> = points.iter().map(|(p, _)| self.lattice.local(*p)).collect();
+        let places: Vec<_> = points
+            .iter()
+            .map(|(p, _)| self.quantization.local(*p))
+            .collect();
         let grid = NeighborGrid::new(&places, self.spacing);
         (0..places.len())
             .into_par_iter()
@@ -194,7 +197,7 @@ impl Look<'_> {
         after: Vec<Seen>,
         distances: &[u8],
     ) -> Excerpt {
-        let scale = self.lattice.scale;
+        let scale = self.quantization.scale;
         let all = || before.iter().chain(&after);
         let mut heights: Vec<i32> = all().map(|(point, _)| point.z).collect();
         heights.par_sort_unstable();
@@ -233,7 +236,7 @@ impl Look<'_> {
             });
             points
         };
-        let world = |axis: usize, c: i64| self.lattice.offset[axis] + c as f64 * scale;
+        let world = |axis: usize, c: i64| self.quantization.offset[axis] + c as f64 * scale;
         let inside = |axis: usize, c: i64| (c - square.min[axis]).clamp(0, side) as f64 * scale;
         let meet = self.plan.tiles.iter().filter(|t| t.core.intersects(square));
         Excerpt {

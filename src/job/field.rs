@@ -3,9 +3,9 @@
 
 use std::collections::BTreeMap;
 
-use super::Glimpse;
+use super::DetailView;
 use crate::{
-    geometry::{Lattice, Stored},
+    geometry::{Quantization, Stored},
     lloyd::DistanceSums,
     tile::Spill,
 };
@@ -21,7 +21,7 @@ const WORST: usize = 6;
 
 /// A grid of squares over the plane; those with points.
 #[derive(Clone, Debug)]
-pub struct Field {
+pub(crate) struct Field {
     /// Edge of a square, and the south-west corner of the first (stored units).
     edge: i64,
     corner: [i64; 2],
@@ -30,13 +30,13 @@ pub struct Field {
 
 /// What is in a square.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct FieldSquare {
+pub(crate) struct FieldSquare {
     /// Points of the input.
-    pub input: u64,
+    pub(crate) input: u64,
     /// Points of the output.
-    pub output: u64,
+    pub(crate) output: u64,
     /// Nearest distances of the output (CRS units).
-    pub distances: DistanceSums,
+    pub(crate) distances: DistanceSums,
     /// Of the output's points the one whose nearest distance is least usual, and by how
     /// much (spacings).
     oddest: Option<(f64, Stored)>,
@@ -44,13 +44,13 @@ pub struct FieldSquare {
 
 /// A place where the output is less even than elsewhere.
 #[derive(Clone, Debug)]
-pub struct WorstPlace {
+pub(crate) struct WorstPlace {
     /// Where (world coordinates).
-    pub place: [f64; 3],
+    pub(crate) place: [f64; 3],
     /// δ of the square around it.
-    pub delta: f64,
+    pub(crate) delta: f64,
     /// What it looks like.
-    pub glimpse: Glimpse,
+    pub(crate) detail: DetailView,
 }
 
 impl Field {
@@ -97,13 +97,14 @@ impl Field {
     }
 
     /// Edge of a square, and the south-west corner of the first, in world coordinates.
-    pub fn ground(&self, lattice: &Lattice) -> (f64, [f64; 2]) {
-        let world = |axis: usize| lattice.offset[axis] + self.corner[axis] as f64 * lattice.scale;
-        (self.edge as f64 * lattice.scale, [world(0), world(1)])
+    pub(crate) fn ground(&self, quantization: &Quantization) -> (f64, [f64; 2]) {
+        let world =
+            |axis: usize| quantization.offset[axis] + self.corner[axis] as f64 * quantization.scale;
+        (self.edge as f64 * quantization.scale, [world(0), world(1)])
     }
 
     /// The squares with points, by their place from the first: eastwards, northwards.
-    pub fn squares(&self) -> impl Iterator<Item = ([i64; 2], &FieldSquare)> {
+    pub(crate) fn squares(&self) -> impl Iterator<Item = ([i64; 2], &FieldSquare)> {
         self.squares.iter().map(|(&place, square)| (place, square))
     }
 

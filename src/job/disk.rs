@@ -55,7 +55,7 @@ pub(super) fn check_room(needs: &[Need<'_>]) -> Result<(), JobError> {
 /// # Errors
 ///
 /// [`JobError::Io`] if it cannot be written.
-pub fn write_file(path: &Path, content: &[u8]) -> Result<(), JobError> {
+pub(crate) fn write_file(path: &Path, content: &[u8]) -> Result<(), JobError> {
     let mut part = path.to_owned().into_os_string();
     part.push(".part");
     std::fs::write(&part, content)

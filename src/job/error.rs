@@ -7,7 +7,7 @@ use crate::{config::ConfigError, las::LasError, tile::TileError};
 /// Why a job failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum JobError {
+pub(crate) enum JobError {
     /// The options are wrong.
     #[error(transparent)]
     Config(#[from] ConfigError),
@@ -45,11 +45,11 @@ pub enum JobError {
 
 /// An input that cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct LeftOut {
+pub(crate) struct LeftOut {
     /// The file, as text.
-    pub path: String,
+    pub(crate) path: String,
     /// What is wrong with it.
-    pub reason: String,
+    pub(crate) reason: String,
 }
 
 fn files(count: usize) -> String {
@@ -69,7 +69,7 @@ impl JobError {
     }
 
     /// Whether the options are to blame, and not the data or the machine.
-    pub fn is_usage(&self) -> bool {
+    pub(crate) fn is_usage(&self) -> bool {
         matches!(self, Self::Config(_))
     }
 
@@ -79,7 +79,7 @@ impl JobError {
     }
 
     /// Whether the user stopped the job.
-    pub fn is_cancelled(&self) -> bool {
+    pub(crate) fn is_cancelled(&self) -> bool {
         matches!(self, Self::Tile(TileError::Cancelled))
     }
 }

@@ -91,7 +91,7 @@ fn is_memory(dir: &Path) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::Quiet;
+    use crate::job::Quiet;
 
     #[test]
     fn a_scratch_is_used_if_it_has_room_and_goes_with_all_that_is_in_it() {

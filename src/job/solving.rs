@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{JobError, gathering::gather_points, memory::points_for, transfer::Transfer};
 use crate::{
-    geometry::{AT_ONCE, Lattice, Local, NeighborGrid, Rect, Stored},
-    lloyd::{DistanceSums, Domain, Options, Scan, Site, solve_watched},
+    geometry::{AT_ONCE, Local, NeighborGrid, Quantization, Rect, Stored},
+    lloyd::{DistanceSums, Scan, Site, SolverOptions, TileRegion, solve_watched},
     quality::{CellFigures, DistanceTally, UniformityTally},
     tile::{Plan, SolvedSite, SolvedTile, Spill, Tile},
 };
@@ -21,30 +21,30 @@ pub(super) const FARTHEST: f64 = 8.0;
 
 /// The figures of one tile. Lengths are CRS units.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct TileFigures {
+pub(crate) struct TileFigures {
     /// The tile.
-    pub tile: Tile,
+    pub(crate) tile: Tile,
     /// Seconds that it took, from its points to its file.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
     /// Sites of the core.
-    pub sites: u64,
+    pub(crate) sites: u64,
     /// Of those, sites left where they were elected.
-    pub held: u64,
+    pub(crate) held: u64,
     /// Of those, sites that the tile saw all of what matters to.
-    pub exact: u64,
+    pub(crate) exact: u64,
     /// Nearest distances of the input's own points: of as many of them, about,
     /// as there are sites.
-    pub input: UniformityTally,
+    pub(crate) input: UniformityTally,
     /// Uniformity of the seeds.
-    pub seeds: UniformityTally,
+    pub(crate) seeds: UniformityTally,
     /// Uniformity of the sites.
-    pub uniformity: UniformityTally,
+    pub(crate) uniformity: UniformityTally,
     /// Sites to their nearest input point.
-    pub accuracy: DistanceTally,
+    pub(crate) accuracy: DistanceTally,
     /// Input points to their nearest site.
-    pub coverage: DistanceTally,
+    pub(crate) coverage: DistanceTally,
     /// Nearest distances at the start of every iteration, and at the end.
-    pub convergence: Vec<DistanceSums>,
+    pub(crate) convergence: Vec<DistanceSums>,
 }
 
 /// A tile that has been read.
@@ -62,17 +62,17 @@ pub(super) fn load(
     spill: &Spill,
     plan: &Plan,
     tile: Tile,
-    lattice: Lattice,
-    options: &Options,
+    quantization: Quantization,
+    options: &SolverOptions,
 ) -> Result<Loaded, JobError> {
     let known = tile.core.grown(plan.halo);
     let crowd = points_for(tile.cost);
-    let points = gather_points(spill, &known, &lattice, options, crowd)?;
+    let points = gather_points(spill, &known, &quantization, options, crowd)?;
     let scanned = (options.smooth > 0.0).then(|| {
-        let kept = Scan::thinned(points.clone(), &lattice, options);
-        Scan::as_scanned(kept, lattice, options)
+        let kept = Scan::thinned(points.clone(), &quantization, options);
+        Scan::as_scanned(kept, quantization, options)
     });
-    let scan = Scan::new(points, lattice, options);
+    let scan = Scan::new(points, quantization, options);
     Ok(Loaded {
         tile,
         known,
@@ -89,7 +89,7 @@ const SOLVER_SHARE: f64 = 0.83;
 pub(super) fn solve_tile(
     spill: &Spill,
     loaded: Loaded,
-    options: &Options,
+    options: &SolverOptions,
     transfer: &Transfer,
     watch: &dyn Fn(f64),
 ) -> Result<(SolvedTile, TileFigures), JobError> {
@@ -100,12 +100,12 @@ pub(super) fn solve_tile(
         scanned,
     } = loaded;
     watch(0.0);
-    let lattice = *scan.lattice();
+    let quantization = *scan.quantization();
     let core = tile.core;
-    let domain = Domain {
+    let domain = TileRegion {
         known,
         core,
-        band: lattice.units(BAND * options.spacing),
+        band: quantization.units(BAND * options.spacing),
     };
     let solution = solve_watched(&scan, &domain, options, &|share| {
         watch(SOLVER_SHARE * share);
@@ -121,7 +121,7 @@ pub(super) fn solve_tile(
         tile,
         seconds: 0.0,
         sites: own.len() as u64,
-        held: own.iter().filter(|s| s.is_held).count() as u64,
+        held: own.iter().filter(|s| s.is_fixed).count() as u64,
         exact: own.iter().filter(|s| s.is_exact).count() as u64,
         input: input_distances(&scan, &core, options),
         seeds: uniformity(&solution.seeds, &core, options.spacing),
@@ -152,7 +152,7 @@ pub(super) fn solve_tile(
     Ok((solved, figures))
 }
 
-fn input_distances(scan: &Scan, core: &Rect, options: &Options) -> UniformityTally {
+fn input_distances(scan: &Scan, core: &Rect, options: &SolverOptions) -> UniformityTally {
     let mut tally = UniformityTally::new(options.spacing);
     let farthest = BAND * options.spacing;
     let distances = scan.sampled_distances(options.seeds_per_point, farthest, |p| core.contains(p));
@@ -171,7 +171,7 @@ pub(super) fn uniformity(sites: &[Site], core: &Rect, spacing: f64) -> Uniformit
         } else {
             tally.push_alone();
         }
-        if site.is_closed && !site.is_held {
+        if site.is_closed && !site.is_fixed {
             tally.push_cell(CellFigures {
                 area: site.area,
                 energy: site.energy,
@@ -190,7 +190,7 @@ fn coverage(scan: &Scan, sites: &[Site], core: &Rect, spacing: f64) -> DistanceT
     let mut tally = DistanceTally::new(spacing);
     let points = scan.representatives();
     let to_site = |&point: &Stored| {
-        let place = scan.lattice().local(point);
+        let place = scan.quantization().local(point);
         let nearest = grid.nearest(place, FARTHEST * spacing, |_| false);
         nearest.map_or(FARTHEST * spacing, |(_, squared)| squared.sqrt())
     };

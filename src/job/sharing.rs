@@ -36,19 +36,19 @@ const LOOK: Duration = Duration::from_millis(500);
 
 /// A process that does the work of a job together with others.
 #[derive(Clone, Copy, Debug)]
-pub struct Worker {
+pub(crate) struct Worker {
     /// Threads.
-    pub threads: usize,
+    pub(crate) threads: usize,
     /// It begins with every so many-th group, from this one on: which of how many.
-    pub shard: Option<(u32, u32)>,
+    pub(crate) shard: Option<(u32, u32)>,
     /// After so long a silence a process is taken for dead. More than a few beats, which
     /// come every five seconds.
-    pub patience: Duration,
+    pub(crate) patience: Duration,
     /// How many processes may die over a group before it is given up.
-    pub attempts: u32,
+    pub(crate) attempts: u32,
     /// Whether it waits until all is done; or else it ends as soon as there is nothing that
     /// nobody works on.
-    pub waits: bool,
+    pub(crate) waits: bool,
 }
 
 /// A kind of work, by the names of its files.
@@ -240,9 +240,9 @@ impl Watch {
 
 impl Worker {
     /// How long a silence is usual.
-    pub const PATIENCE: Duration = Duration::from_secs(60);
+    pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
     /// How many deaths are.
-    pub const ATTEMPTS: u32 = 4;
+    pub(crate) const ATTEMPTS: u32 = 4;
 
     /// One that sees the work done, whoever does it.
     pub(super) fn to_the_end(threads: usize) -> Self {

@@ -5,7 +5,7 @@ use std::{fs, path::Path};
 /// The memory that this process may use, in bytes: the tightest limit of its
 /// cgroup and all that contain it, or the machine's if that is less; `None`
 /// where the system does not tell.
-pub fn memory_limit() -> Option<u64> {
+pub(crate) fn memory_limit() -> Option<u64> {
     let machine = proc_kib("/proc/meminfo", "MemTotal:");
     let cgroups = fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
     let limits = cgroups.lines().flat_map(|line| {
@@ -32,7 +32,7 @@ pub fn memory_limit() -> Option<u64> {
 
 /// The most memory that this process has held so far, in bytes, mapped pages
 /// included (`VmHWM`); `None` where the system does not tell.
-pub fn peak_resident() -> Option<u64> {
+pub(crate) fn peak_resident() -> Option<u64> {
     proc_kib("/proc/self/status", "VmHWM:")
 }
 

@@ -13,10 +13,10 @@ use super::{
     Field, InputCount, JobError, JobPlan, LeftOut, Outcome, Progress, Survey, TileFigures, Unit,
     Worker, WorstPlace,
     clock::Clock,
+    detail::Look,
     directory::{JobDirectory, Stamp, bytes_in},
     disk::{Need, check_room},
     forecast::Forecast,
-    glimpse::Look,
     memory::{Budget, mebibytes},
     planning::Planning,
     provenance::{checksums, provenance},
@@ -32,7 +32,7 @@ use super::{
 use crate::{
     config::Settings,
     las::{CloudHeader, CloudWriter, CompleteCloud, Format, LasError, Workspace},
-    lloyd::Options,
+    lloyd::SolverOptions,
     picture::View,
     tile::{Spill, Tile, TileError},
 };
@@ -56,25 +56,25 @@ const LOOK_SECONDS: f64 = 0.2;
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Job {
     /// Files, directories and patterns.
-    pub inputs: Vec<PathBuf>,
+    pub(crate) inputs: Vec<PathBuf>,
     /// Where the cloud goes.
-    pub output: PathBuf,
+    pub(crate) output: PathBuf,
     /// Where temporary files go.
-    pub dir: PathBuf,
+    pub(crate) dir: PathBuf,
     /// Where those go that only the last stage needs, if there is room; nothing if that is
     /// no other place.
     #[serde(skip)]
-    pub scratch: Option<PathBuf>,
+    pub(crate) scratch: Option<PathBuf>,
     /// How it is done.
-    pub settings: Settings,
+    pub(crate) settings: Settings,
     /// Whether an existing output is replaced.
-    pub overwrite: bool,
+    pub(crate) overwrite: bool,
     /// Whether temporary files stay.
-    pub keep: bool,
+    pub(crate) keep: bool,
     /// Whether inputs that cannot be read are left out.
-    pub skip_bad_files: bool,
+    pub(crate) skip_bad_files: bool,
     /// Whether what an earlier run left is forgotten.
-    pub restart: bool,
+    pub(crate) restart: bool,
 }
 
 impl Job {
@@ -87,7 +87,7 @@ impl Job {
     ///
     /// See [`JobError`]. What is done stays in the job directory, and the same
     /// job goes on from it; nothing is left under the output's name.
-    pub fn run(
+    pub(crate) fn run(
         &self,
         progress: &dyn Progress,
         cancel: &AtomicBool,
@@ -156,7 +156,7 @@ impl Job {
     /// # Errors
     ///
     /// As [`run`](Self::run).
-    pub fn plan(
+    pub(crate) fn plan(
         &self,
         progress: &dyn Progress,
         cancel: &AtomicBool,
@@ -194,7 +194,7 @@ impl Job {
 
     /// The most memory that it may hold, in bytes: what was asked for, or three quarters of
     /// what there is.
-    pub fn memory(&self) -> u64 {
+    pub(crate) fn memory(&self) -> u64 {
         self.budget().total
     }
 
@@ -270,7 +270,7 @@ impl Job {
         progress: &dyn Progress,
         cancel: &AtomicBool,
         clock: &mut Clock,
-    ) -> Result<(Survey, Spill, Options, JobPlan), JobError> {
+    ) -> Result<(Survey, Spill, SolverOptions, JobPlan), JobError> {
         let budget = &self.budget();
         let (survey, spill) = self.spill(directory, survey, worker, progress, cancel)?;
         clock.stop("scatter");
@@ -470,7 +470,7 @@ impl Job {
         for note in running.notes().iter().skip(running.survey.notes.len()) {
             progress.note(note);
         }
-        let (lattice, spacing) = (&running.survey.lattice, running.options.spacing);
+        let (quantization, spacing) = (&running.survey.quantization, running.options.spacing);
         let plan = &running.plan.plan;
         progress.begin("stitch", plan.tiles.len() as u64, 0, Unit::Tiles);
         let scratch = Scratch::choose(
@@ -480,7 +480,7 @@ impl Job {
             progress,
         )?;
         let mut settled = SettledTiles::create(scratch.path())?;
-        let seams = writing::settle(plan, solved, &mut settled, lattice, spacing, progress)?;
+        let seams = writing::settle(plan, solved, &mut settled, quantization, spacing, progress)?;
         progress.end();
         clock.stop("stitch");
         if cancel.load(Ordering::Relaxed) {
@@ -497,14 +497,14 @@ impl Job {
             record_length: running.transfer.record().record_length(),
             has_color: running.transfer.record().has_color(),
             sites_per_point: running.options.seeds_per_point,
-            lattice,
+            quantization,
             spacing,
         };
         let mut field = Field::of_input(&running.spill);
         progress.begin("write", plan.tiles.len() as u64, 0, Unit::Tiles);
         let header = CloudHeader {
             record: running.transfer.record().clone(),
-            lattice: *lattice,
+            quantization: *quantization,
             crs: running.survey.crs.clone(),
             kept_records: running.survey.kept_records(),
             has_standard_time: running.survey.has_standard_time,
@@ -528,7 +528,7 @@ impl Job {
         let (stitched, by_tile) = writing::write(
             plan,
             &settled,
-            lattice,
+            quantization,
             spacing,
             running.transfer.record().record_length(),
             seams,
@@ -542,18 +542,18 @@ impl Job {
             &PORTRAIT,
             writer.points(),
             running.transfer.record().has_color(),
-            lattice,
+            quantization,
             &|draw| look.visit(draw),
         )?;
         let worst = field.worst().into_iter().map(|(delta, point)| {
             Ok(WorstPlace {
-                place: lattice.world(point),
+                place: quantization.world(point),
                 delta,
-                glimpse: look.around([point.x.into(), point.y.into()])?,
+                detail: look.around([point.x.into(), point.y.into()])?,
             })
         });
         let worst = worst.collect::<Result<Vec<WorstPlace>, JobError>>()?;
-        let glimpse = look.at_middle(largest)?;
+        let detail = look.at_middle(largest)?;
         let excerpt = look.excerpt(largest)?;
         clock.stop("look");
         if self.is_sorted() {
@@ -586,7 +586,7 @@ impl Job {
                 .collect(),
             tiles,
             stitched,
-            glimpse,
+            detail,
             excerpt,
             field,
             portrait,
@@ -614,7 +614,7 @@ pub(super) struct Running {
     /// Of the inputs, as far as they are named.
     checksums: Vec<String>,
     spill: Spill,
-    options: Options,
+    options: SolverOptions,
     transfer: Transfer,
     pub(super) plan: JobPlan,
     inputs: Vec<InputCount>,
@@ -631,7 +631,7 @@ impl Running {
         Queue {
             spill: &self.spill,
             plan: &self.plan.plan,
-            lattice: self.survey.lattice,
+            quantization: self.survey.quantization,
             options: &self.options,
             transfer: &self.transfer,
         }

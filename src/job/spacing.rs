@@ -11,8 +11,8 @@ use rayon::prelude::*;
 use super::{JobError, gathering::gather_points};
 use crate::{
     config::Settings,
-    geometry::{Lattice, OccupiedCells, Stored, cell_of},
-    lloyd::{AREA_PER_SEED, Options, Scan, elected_in},
+    geometry::{OccupiedCells, Quantization, Stored, cell_of},
+    lloyd::{AREA_PER_SEED, Scan, SolverOptions, elected_in},
     tile::{Plan, PlanOptions, Spill, Tile},
 };
 
@@ -65,7 +65,7 @@ const PLANE: f64 = -2.0;
 /// `spill`.
 pub(super) fn for_count(
     spill: &Spill,
-    lattice: &Lattice,
+    quantization: &Quantization,
     settings: &Settings,
     count: u64,
 ) -> Result<f64, JobError> {
@@ -76,22 +76,22 @@ pub(super) fn for_count(
             spill.points()
         )));
     }
-    let extent = spill.bounds().extent() as f64 * lattice.scale;
+    let extent = spill.bounds().extent() as f64 * quantization.scale;
     if extent == 0.0 {
         return Err(JobError::Refused(
             "all points of the scan are equal: there is no spacing between them".into(),
         ));
     }
-    let guess = (plane_seeds(spill, lattice, 1.0) / count as f64)
+    let guess = (plane_seeds(spill, quantization, 1.0) / count as f64)
         .sqrt()
-        .clamp(4.0 * lattice.scale, extent);
+        .clamp(4.0 * quantization.scale, extent);
 
     let seeds_per_point = count as f64 / spill.points() as f64;
     let options = settings.solver(guess, seeds_per_point);
-    let sample = Sample::of(spill, lattice, &options, VOXEL_POINTS)?;
+    let sample = Sample::of(spill, quantization, &options, VOXEL_POINTS)?;
     let in_voxels = SEEDS_PER_VOXEL * sample.voxels() * sample.weight;
     let by_voxels = guess * (in_voxels / count as f64).sqrt();
-    let mut spacing = by_voxels.clamp(lattice.scale, 2.0 * extent);
+    let mut spacing = by_voxels.clamp(quantization.scale, 2.0 * extent);
     let mut tried: Vec<(f64, f64)> = Vec::new();
     let mut slope = PLANE;
     let chosen = sample.choose(FINE);
@@ -120,7 +120,7 @@ pub(super) fn for_count(
         tried.push((spacing.ln(), error));
         slope = slope_of(&tried).unwrap_or(slope);
         let next = (spacing.ln() - error / slope).exp();
-        let next = next.clamp(lattice.scale, 2.0 * extent);
+        let next = next.clamp(quantization.scale, 2.0 * extent);
         if asks_all && error.abs() <= NEARLY {
             return Ok(next);
         }
@@ -162,20 +162,20 @@ fn slope_of(tried: &[(f64, f64)]) -> Option<f64> {
 /// Seeds that the cloud has at `spacing`, about.
 pub(super) fn expected(
     spill: &Spill,
-    lattice: &Lattice,
+    quantization: &Quantization,
     settings: &Settings,
     spacing: f64,
 ) -> Result<f64, JobError> {
-    let about = plane_seeds(spill, lattice, spacing);
+    let about = plane_seeds(spill, quantization, spacing);
     let options = settings.solver(spacing, about / spill.points() as f64);
-    let sample = Sample::of(spill, lattice, &options, EXPECTED_POINTS)?;
+    let sample = Sample::of(spill, quantization, &options, EXPECTED_POINTS)?;
     Ok(sample.seeds(sample.elect(&sample.choose(ROUGH), &options)?))
 }
 
 /// Seeds that the occupied part of the plane has room for at `spacing`, and half as
 /// many again for what stands upright.
-fn plane_seeds(spill: &Spill, lattice: &Lattice, spacing: f64) -> f64 {
-    let square = (spill.grid().square() as f64 * lattice.scale).powi(2);
+fn plane_seeds(spill: &Spill, quantization: &Quantization, spacing: f64) -> f64 {
+    let square = (spill.grid().square() as f64 * quantization.scale).powi(2);
     1.5 * spill.squares().count() as f64 * square / (AREA_PER_SEED * spacing * spacing)
 }
 
@@ -206,7 +206,7 @@ impl Elected {
 /// A cloud in parts small enough for any budget, the same for all of them.
 struct Sample<'a> {
     spill: &'a Spill,
-    lattice: &'a Lattice,
+    quantization: &'a Quantization,
     halo: i64,
     /// Parts of the cloud, with the voxels that the points of each occupy.
     parts: Vec<(Tile, u64)>,
@@ -218,25 +218,25 @@ impl<'a> Sample<'a> {
     /// Parts that hold some `most_points`.
     fn of(
         spill: &'a Spill,
-        lattice: &'a Lattice,
-        options: &Options,
+        quantization: &'a Quantization,
+        options: &SolverOptions,
         most_points: u64,
     ) -> Result<Self, JobError> {
-        let halo = lattice.units(HALO * options.spacing);
-        let margin = lattice.units(options.farthest_seed());
+        let halo = quantization.units(HALO * options.spacing);
+        let margin = quantization.units(options.farthest_seed());
         let tiles = parts(spill, halo, margin, options.seeds_per_point);
         let every = spill.points().div_ceil(most_points) as usize;
         let every = every.min(tiles.len() / FEWEST).max(1);
         let tiles: Vec<Tile> = tiles.into_iter().step_by(every).collect();
         let voxels = at_once(&tiles, |tile| {
-            let points = gather_points(spill, &tile.core, lattice, options, CROWD)?;
-            let voxel = |&point: &Stored| cell_of(lattice.local(point), options.spacing);
+            let points = gather_points(spill, &tile.core, quantization, options, CROWD)?;
+            let voxel = |&point: &Stored| cell_of(quantization.local(point), options.spacing);
             Ok(OccupiedCells::sort(&points, voxel).0.len() as u64)
         })?;
         let points: u64 = tiles.iter().map(|tile| tile.points_core).sum();
         Ok(Self {
             spill,
-            lattice,
+            quantization,
             halo,
             parts: tiles.into_iter().zip(voxels).collect(),
             weight: spill.points() as f64 / points.max(1) as f64,
@@ -249,12 +249,12 @@ impl<'a> Sample<'a> {
     }
 
     /// Elects seeds in the `chosen` parts.
-    fn elect(&self, chosen: &[Chosen], options: &Options) -> Result<Elected, JobError> {
+    fn elect(&self, chosen: &[Chosen], options: &SolverOptions) -> Result<Elected, JobError> {
         let tiles: Vec<Tile> = chosen.iter().map(|c| self.parts[c.part].0).collect();
         let elected = at_once(&tiles, |tile| {
             let seen = tile.core.grown(self.halo);
-            let points = gather_points(self.spill, &seen, self.lattice, options, CROWD)?;
-            let scan = Scan::new(points, *self.lattice, options);
+            let points = gather_points(self.spill, &seen, self.quantization, options, CROWD)?;
+            let scan = Scan::new(points, *self.quantization, options);
             Ok(elected_in(&scan, options, &tile.core) as u64)
         })?;
         let of_part = |(chosen, seeds): (&Chosen, u64)| Elected {

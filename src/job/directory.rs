@@ -19,7 +19,7 @@ use crate::tile::{read_whole, write_whole};
 #[derive(Debug)]
 pub(super) struct JobDirectory {
     path: PathBuf,
-    /// Held as long as the job runs.
+    /// ResourceSample as long as the job runs.
     _lock: File,
     about: About,
     /// Whether the job was begun by this process.
@@ -299,7 +299,7 @@ fn is_own(name: &str) -> bool {
 }
 
 /// A name for the directory of the job that makes `output`.
-pub fn default_directory(output: &Path) -> PathBuf {
+pub(crate) fn default_directory(output: &Path) -> PathBuf {
     let mut name = output
         .file_name()
         .map(std::ffi::OsStr::to_owned)

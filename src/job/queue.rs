@@ -15,8 +15,8 @@ use super::{
     transfer::Transfer,
 };
 use crate::{
-    geometry::Lattice,
-    lloyd::Options,
+    geometry::Quantization,
+    lloyd::SolverOptions,
     tile::{Plan, Spill, Tile, TileError},
 };
 
@@ -24,8 +24,8 @@ use crate::{
 pub(super) struct Queue<'a> {
     pub(super) spill: &'a Spill,
     pub(super) plan: &'a Plan,
-    pub(super) lattice: Lattice,
-    pub(super) options: &'a Options,
+    pub(super) quantization: Quantization,
+    pub(super) options: &'a SolverOptions,
     pub(super) transfer: &'a Transfer,
 }
 
@@ -44,8 +44,9 @@ impl Queue<'_> {
         thread::scope(|scope| {
             scope.spawn(move || {
                 for &tile in tiles {
-                    let loaded = pool
-                        .install(|| load(self.spill, self.plan, tile, self.lattice, self.options));
+                    let loaded = pool.install(|| {
+                        load(self.spill, self.plan, tile, self.quantization, self.options)
+                    });
                     if cancel.load(Ordering::Relaxed) || sender.send(loaded).is_err() {
                         return;
                     }

@@ -7,29 +7,29 @@ use rayon::prelude::*;
 use super::{JobError, LeftOut};
 use crate::{
     config::{Settings, Target},
-    geometry::Lattice,
+    geometry::Quantization,
     las::{Crs, InputFile, PointFilter, RecordFormat, Vlr, expand_inputs},
 };
 
 /// What the headers of all inputs say, and what follows for the run.
 #[derive(Clone, Debug)]
-pub struct Survey {
+pub(crate) struct Survey {
     /// The files, in the order of their paths.
-    pub inputs: Vec<InputFile>,
+    pub(crate) inputs: Vec<InputFile>,
     /// The run's record.
-    pub record: RecordFormat,
+    pub(crate) record: RecordFormat,
     /// The run's scale and offset.
-    pub lattice: Lattice,
+    pub(crate) quantization: Quantization,
     /// The CRS that all inputs share, if they state one.
-    pub crs: Option<Crs>,
+    pub(crate) crs: Option<Crs>,
     /// Whether GPS times are adjusted standard times.
-    pub has_standard_time: bool,
+    pub(crate) has_standard_time: bool,
     /// What is odd about the inputs.
-    pub notes: Vec<String>,
+    pub(crate) notes: Vec<String>,
     /// Files that cannot be read, and are left out.
-    pub left_out: Vec<LeftOut>,
+    pub(crate) left_out: Vec<LeftOut>,
     /// Which points take part.
-    pub filter: PointFilter,
+    pub(crate) filter: PointFilter,
     asked: Asked,
 }
 
@@ -53,7 +53,11 @@ impl Survey {
     /// [`JobError::BadFiles`] with every file that is not readable or no LAS, and
     /// [`JobError::Inputs`] with every one that cannot be merged with the others:
     /// another CRS or another kind of GPS time than the first, degrees.
-    pub fn of(arguments: &[PathBuf], settings: &Settings, skip: bool) -> Result<Self, JobError> {
+    pub(crate) fn of(
+        arguments: &[PathBuf],
+        settings: &Settings,
+        skip: bool,
+    ) -> Result<Self, JobError> {
         let paths = expand_inputs(arguments)?;
         let surveyed: Vec<_> = paths
             .par_iter()
@@ -86,7 +90,7 @@ impl Survey {
     /// # Errors
     ///
     /// As [`of`](Self::of), if no file is left.
-    pub fn without(self, bad: Vec<LeftOut>) -> Result<Self, JobError> {
+    pub(crate) fn without(self, bad: Vec<LeftOut>) -> Result<Self, JobError> {
         let mut inputs = self.inputs;
         inputs.retain(|input| {
             let path = input.path.display().to_string();
@@ -147,7 +151,7 @@ impl Survey {
         }
         Ok(Self {
             record: RecordFormat::for_inputs(&inputs)?,
-            lattice: lattice(&inputs, asked.target),
+            quantization: quantization(&inputs, asked.target),
             has_standard_time: inputs
                 .iter()
                 .any(|input| input.format().has_gps_time && input.has_standard_time),
@@ -161,7 +165,7 @@ impl Survey {
     }
 
     /// The records that the output keeps: of each kind the first that an input has.
-    pub fn kept_records(&self) -> Vec<Vlr> {
+    pub(crate) fn kept_records(&self) -> Vec<Vlr> {
         let mut kept: Vec<Vlr> = Vec::new();
         for record in self.inputs.iter().flat_map(|input| &input.kept_records) {
             if kept.iter().all(|known| known.record_id != record.record_id) {
@@ -172,16 +176,16 @@ impl Survey {
     }
 
     /// Points that the headers claim.
-    pub fn points_claimed(&self) -> u64 {
+    pub(crate) fn points_claimed(&self) -> u64 {
         self.inputs.iter().map(|input| input.points_claimed).sum()
     }
 
     /// The longer side of what the headers claim, in stored units.
-    pub fn extent_claimed(&self) -> i64 {
+    pub(crate) fn extent_claimed(&self) -> i64 {
         let (min, max) = claimed_bounds(&self.inputs);
         let widest = (0..2).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
         // `as` saturates, and takes what is not a number for zero.
-        (widest / self.lattice.scale) as i64
+        (widest / self.quantization.scale) as i64
     }
 }
 
@@ -253,7 +257,7 @@ fn claimed_bounds(inputs: &[InputFile]) -> ([f64; 3], [f64; 3]) {
 }
 
 /// The finest scale of the inputs, finer still if the spacing asks for it.
-fn lattice(inputs: &[InputFile], target: Target) -> Lattice {
+fn quantization(inputs: &[InputFile], target: Target) -> Quantization {
     let mut scale = inputs
         .iter()
         .flat_map(|input| input.scale)
@@ -268,9 +272,9 @@ fn lattice(inputs: &[InputFile], target: Target) -> Lattice {
         Target::Ratio(_) => None,
     };
     if let Some(spacing) = spacing.filter(|s| *s > 0.0) {
-        while scale > spacing / UNITS_PER_SPACING && extent / scale < Lattice::WIDEST / 10.0 {
+        while scale > spacing / UNITS_PER_SPACING && extent / scale < Quantization::WIDEST / 10.0 {
             scale /= 10.0;
         }
     }
-    Lattice::around(min, max, scale)
+    Quantization::around(min, max, scale)
 }

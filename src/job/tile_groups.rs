@@ -5,9 +5,9 @@ use std::{path::Path, sync::atomic::AtomicBool};
 use super::{
     JobError, Progress, Unit, Worker,
     handover::Handover,
-    job::threads,
     memory::mebibytes,
     queue::Queue,
+    running::threads,
     scattering::scattered,
     sharing::{Claim, Kind, MOST_GROUPS},
     tiles::SolvedTiles,
@@ -56,7 +56,7 @@ impl Worker {
     /// # Errors
     ///
     /// See [`JobError`]; [`JobError::Refused`] if there are tiles that were begun too often.
-    pub fn solve(
+    pub(crate) fn solve(
         &self,
         dir: &Path,
         progress: &dyn Progress,
@@ -69,7 +69,7 @@ impl Worker {
         let queue = Queue {
             spill: &spill,
             plan: &plan.plan,
-            lattice: plan.lattice,
+            quantization: plan.quantization,
             options: &options,
             transfer: &transfer,
         };

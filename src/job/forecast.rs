@@ -142,7 +142,7 @@ impl Progress for Forecast<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::Quiet;
+    use crate::job::Quiet;
 
     #[test]
     fn what_remains_is_the_stage_at_work_and_those_ahead() {

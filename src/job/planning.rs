@@ -10,48 +10,48 @@ use super::{
     directory::{JobDirectory, bytes_in},
     disk::{Need, check_room, directory_of},
     gathering::gather_points,
-    job::Job,
     memory::{Budget, bytes_of, mebibytes, points_for},
+    running::Job,
     spacing,
     transfer::Transfer,
 };
 use crate::{
     config::{Settings, Target},
-    geometry::{Lattice, Rect},
-    lloyd::{AREA_PER_SEED, Options, Scan},
+    geometry::{Quantization, Rect},
+    lloyd::{AREA_PER_SEED, Scan, SolverOptions},
     tile::{CellKey, Plan, PlanOptions, Spill, Square},
 };
 
 /// What would be done.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct JobPlan {
+pub(crate) struct JobPlan {
     /// Points of the input.
-    pub points: u64,
+    pub(crate) points: u64,
     /// Spacing of the output (CRS units).
-    pub spacing: f64,
+    pub(crate) spacing: f64,
     /// Points of the output, about.
-    pub points_out: u64,
+    pub(crate) points_out: u64,
     /// The tiles.
-    pub plan: Plan,
+    pub(crate) plan: Plan,
     /// What a tile sees around its core (CRS units).
-    pub halo: f64,
+    pub(crate) halo: f64,
     /// Peak memory expected, in bytes.
-    pub memory: u64,
+    pub(crate) memory: u64,
     /// The budget, in bytes.
-    pub budget: u64,
+    pub(crate) budget: u64,
     /// Temporary files, in bytes.
-    pub temporary: u64,
+    pub(crate) temporary: u64,
     /// Seconds expected, about.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
     /// Of those, seconds for the tiles to be solved.
-    pub seconds_to_solve: f64,
+    pub(crate) seconds_to_solve: f64,
     /// Scale and offset of the output.
-    pub lattice: Lattice,
+    pub(crate) quantization: Quantization,
 }
 
 impl JobPlan {
     /// How the tiles are solved, as `settings` have it.
-    pub(super) fn options(&self, settings: &Settings) -> Options {
+    pub(super) fn options(&self, settings: &Settings) -> SolverOptions {
         settings.solver(self.spacing, self.points_out as f64 / self.points as f64)
     }
 }
@@ -83,8 +83,8 @@ impl Planning<'_> {
             return Ok(found);
         }
         let (spill, settings) = (self.spill, &self.job.settings);
-        let lattice = &self.survey.lattice;
-        let extent = spill.bounds().extent() as f64 * lattice.scale;
+        let quantization = &self.survey.quantization;
+        let extent = spill.bounds().extent() as f64 * quantization.scale;
         let found = match settings.target {
             Target::Spacing(spacing) => {
                 // Points that are all at one place are one point, at any spacing.
@@ -94,21 +94,27 @@ impl Planning<'_> {
                          (in CRS units): give less than half of that"
                     )));
                 }
-                if spacing < 2.0 * lattice.scale {
+                if spacing < 2.0 * quantization.scale {
                     return Err(JobError::Refused(format!(
                         "--spacing {spacing} is finer than coordinates on a scale of {} can tell; \
                          give at least {}",
-                        lattice.scale,
-                        2.0 * lattice.scale
+                        quantization.scale,
+                        2.0 * quantization.scale
                     )));
                 }
-                let seeds = spacing::expected(spill, lattice, settings, spacing)?;
+                let seeds = spacing::expected(spill, quantization, settings, spacing)?;
                 (spacing, seeds.round() as u64)
             }
-            Target::Count(count) => (spacing::for_count(spill, lattice, settings, count)?, count),
+            Target::Count(count) => (
+                spacing::for_count(spill, quantization, settings, count)?,
+                count,
+            ),
             Target::Ratio(ratio) => {
                 let count = ((spill.points() as f64 * ratio).round() as u64).max(1);
-                (spacing::for_count(spill, lattice, settings, count)?, count)
+                (
+                    spacing::for_count(spill, quantization, settings, count)?,
+                    count,
+                )
             }
         };
         progress.note(&format!(
@@ -124,12 +130,12 @@ impl Planning<'_> {
     /// Tiles for about `points_out` seeds, and what they will take.
     pub(super) fn tiles(
         &self,
-        options: &Options,
+        options: &SolverOptions,
         points_out: u64,
         progress: &dyn Progress,
     ) -> Result<JobPlan, JobError> {
         let (spill, settings) = (self.spill, &self.job.settings);
-        let lattice = self.survey.lattice;
+        let quantization = self.survey.quantization;
         let halo = settings.halo.unwrap_or_else(|| options.halo());
         let most_cost = self.budget.tile();
         // Tiles solved under another plan would not fit together: the first
@@ -141,9 +147,9 @@ impl Planning<'_> {
                     &self.squares(options, points_out)?,
                     spill.grid().square(),
                     &PlanOptions {
-                        halo: lattice.units(halo),
-                        margin: lattice.units(options.farthest_seed()),
-                        tile_edge: settings.tile_size.map(|edge| lattice.units(edge)),
+                        halo: quantization.units(halo),
+                        margin: quantization.units(options.farthest_seed()),
+                        tile_edge: settings.tile_size.map(|edge| quantization.units(edge)),
                         most_cost,
                     },
                 );
@@ -195,7 +201,7 @@ impl Planning<'_> {
             seconds,
             seconds_to_solve,
             plan,
-            lattice,
+            quantization,
         })
     }
 
@@ -246,7 +252,7 @@ impl Planning<'_> {
     }
 
     /// The occupied counting squares, with the memory that a tile takes for each.
-    fn squares(&self, options: &Options, points_out: u64) -> Result<Vec<Square>, JobError> {
+    fn squares(&self, options: &SolverOptions, points_out: u64) -> Result<Vec<Square>, JobError> {
         let squares = self.squares_with(&HashMap::new(), options, points_out);
         // If one tile has room for all as they are, it does not matter how many are kept.
         if squares.iter().map(|square| square.cost).sum::<u64>() <= self.budget.tile() {
@@ -260,11 +266,11 @@ impl Planning<'_> {
     fn squares_with(
         &self,
         kept: &HashMap<[i64; 2], u64>,
-        options: &Options,
+        options: &SolverOptions,
         points_out: u64,
     ) -> Vec<Square> {
         let spill = self.spill;
-        let edge = spill.grid().square() as f64 * self.survey.lattice.scale;
+        let edge = spill.grid().square() as f64 * self.survey.quantization.scale;
         let mean = SEEDS_TO_SPARE * points_out as f64 / spill.points() as f64;
         // Where the scan is sparse it has more seeds to the point, up to one for each,
         // or more where holes are filled; but no more than there is room for.
@@ -292,10 +298,10 @@ impl Planning<'_> {
     }
 
     /// Of squares that hold more points than a scan of a plane keeps: how many it does keep.
-    fn kept(&self, options: &Options) -> Result<HashMap<[i64; 2], u64>, JobError> {
-        let (spill, lattice) = (self.spill, &self.survey.lattice);
-        let edge = spill.grid().square() as f64 * lattice.scale;
-        let most = Scan::most_on_square(edge, lattice, options);
+    fn kept(&self, options: &SolverOptions) -> Result<HashMap<[i64; 2], u64>, JobError> {
+        let (spill, quantization) = (self.spill, &self.survey.quantization);
+        let edge = spill.grid().square() as f64 * quantization.scale;
+        let most = Scan::most_on_square(edge, quantization, options);
         let mut crowded: Vec<([i64; 2], CellKey)> = Vec::new();
         let mut of_cell: HashMap<CellKey, u64> = HashMap::new();
         let grid = spill.grid();
@@ -319,9 +325,9 @@ impl Planning<'_> {
         let threads = self.job.settings.threads;
         let crowd = CROWD.min(points_for(self.budget.tile())) / threads as u64;
         let kept_in = |rect: &Rect| -> Result<HashMap<[i64; 2], u64>, JobError> {
-            let points = gather_points(spill, rect, lattice, options, crowd)?;
+            let points = gather_points(spill, rect, quantization, options, crowd)?;
             let mut kept = HashMap::new();
-            for point in Scan::thinned(points, lattice, options) {
+            for point in Scan::thinned(points, quantization, options) {
                 *kept.entry(grid.square_of(point)).or_default() += 1;
             }
             Ok(kept)

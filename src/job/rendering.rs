@@ -6,15 +6,15 @@ use serde::Deserialize;
 
 use super::{JobError, write_file};
 use crate::{
-    geometry::{Lattice, Stored, spread},
-    las::{InputFile, Looks, PointFilter, PointStream, RecordFormat, expand_inputs},
+    geometry::{Quantization, Stored, spread},
+    las::{DisplayAttributes, InputFile, PointFilter, PointStream, RecordFormat, expand_inputs},
     picture::{Camera, Canvas, Scene, View},
 };
 
 /// What points are coloured by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Coloring {
+pub(crate) enum Coloring {
     /// Their colour if they have one, else their height.
     #[default]
     Auto,
@@ -28,15 +28,15 @@ pub enum Coloring {
 
 /// How a picture is made.
 #[derive(Clone, Copy, Debug)]
-pub struct Picture {
+pub(crate) struct Picture {
     /// Where it is taken from.
-    pub view: View,
+    pub(crate) view: View,
     /// What points are coloured by.
-    pub coloring: Coloring,
+    pub(crate) coloring: Coloring,
     /// Pixels to the right and downwards.
-    pub size: [u32; 2],
+    pub(crate) size: [u32; 2],
     /// Diameter of the points (CRS units); `None`: by how dense they are.
-    pub point_size: Option<f64>,
+    pub(crate) point_size: Option<f64>,
 }
 
 /// Points that are looked at to find out where most are.
@@ -49,16 +49,16 @@ const STRAY: f64 = 0.002;
 /// # Errors
 ///
 /// If a file cannot be read, or the picture not be written.
-pub fn render(files: &[PathBuf], picture: &Picture, output: &Path) -> Result<(), JobError> {
+pub(crate) fn render(files: &[PathBuf], picture: &Picture, output: &Path) -> Result<(), JobError> {
     let inputs = expand_inputs(files)?
         .iter()
         .map(|path| InputFile::survey(path))
         .collect::<Result<Vec<InputFile>, _>>()?;
     let record = RecordFormat::for_inputs(&inputs)?;
-    let lattice = InputFile::common_lattice(inputs.iter());
+    let quantization = InputFile::common_quantization(inputs.iter());
     let count = inputs.iter().map(|input| input.points_claimed).sum();
-    let visit = |draw: &mut dyn FnMut(&[u8])| visit(&inputs, &record, lattice, draw);
-    let content = draw(picture, count, record.has_color(), &lattice, &visit)?;
+    let visit = |draw: &mut dyn FnMut(&[u8])| visit(&inputs, &record, quantization, draw);
+    let content = draw(picture, count, record.has_color(), &quantization, &visit)?;
     if content.is_empty() {
         return Err(JobError::Refused("there is no point to be drawn".into()));
     }
@@ -74,15 +74,18 @@ pub(super) fn draw(
     picture: &Picture,
     count: u64,
     has_color: bool,
-    lattice: &Lattice,
+    quantization: &Quantization,
     visit: &Visit<'_>,
 ) -> Result<Vec<u8>, JobError> {
     let threshold = (u64::MAX / count.max(1)).saturating_mul(SAMPLED);
     let mut sample = Sample::default();
     visit(&mut |record| {
         let point = Stored::of_record(record);
-        if count <= SAMPLED || point.lot() <= threshold {
-            sample.add(lattice.world(point), &Looks::of_record(record, has_color));
+        if count <= SAMPLED || point.tie_break_hash() <= threshold {
+            sample.add(
+                quantization.world(point),
+                &DisplayAttributes::of_record(record, has_color),
+            );
         }
     })?;
     sample.intensities.sort_unstable();
@@ -101,10 +104,10 @@ pub(super) fn draw(
         coloring => coloring,
     };
     visit(&mut |record| {
-        let place = lattice.world(Stored::of_record(record));
+        let place = quantization.world(Stored::of_record(record));
         if let Some((at, depth, scale)) = camera.project(place) {
             let height = (place[2] - min[2]) / (max[2] - min[2]).max(1e-9);
-            let looks = Looks::of_record(record, has_color);
+            let looks = DisplayAttributes::of_record(record, has_color);
             let color = sample.color(coloring, &looks, height);
             canvas.disc(at, depth, 0.5 * diameter * scale, color);
         }
@@ -119,13 +122,13 @@ pub(super) fn draw(
 fn visit(
     inputs: &[InputFile],
     record: &RecordFormat,
-    lattice: Lattice,
+    quantization: Quantization,
     draw: &mut dyn FnMut(&[u8]),
 ) -> Result<(), JobError> {
     let mut records = Vec::new();
     for input in inputs {
         let (all, filter) = (0..input.points_claimed, PointFilter::default());
-        let mut stream = PointStream::open(input, all, record, lattice, &filter)?;
+        let mut stream = PointStream::open(input, all, record, quantization, &filter)?;
         while stream.next_batch(&mut records)?.read > 0 {
             records
                 .chunks_exact(record.record_length())
@@ -145,13 +148,13 @@ struct Sample {
 }
 
 impl Sample {
-    fn add(&mut self, place: [f64; 3], looks: &Looks) {
+    fn add(&mut self, place: [f64; 3], looks: &DisplayAttributes) {
         self.places.push(place);
         self.intensities.push(looks.intensity);
         self.brightest = self.brightest.max(looks.brightness());
     }
 
-    fn color(&self, coloring: Coloring, looks: &Looks, height: f64) -> [u8; 3] {
+    fn color(&self, coloring: Coloring, looks: &DisplayAttributes, height: f64) -> [u8; 3] {
         match coloring {
             Coloring::Auto => looks.color_in_bytes(self.brightest),
             Coloring::Height => ramp(height),

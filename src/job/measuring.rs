@@ -16,9 +16,9 @@ use super::{
     solving::{FARTHEST, uniformity},
 };
 use crate::{
-    geometry::{Lattice, NeighborGrid, Stored},
+    geometry::{NeighborGrid, Quantization, Stored},
     las::{InputFile, PointFilter, PointStream, RecordFormat, expand_inputs},
-    lloyd::{Domain, Options, Scan, describe_points},
+    lloyd::{Scan, SolverOptions, TileRegion, describe_points},
     quality::{DistanceFigures, DistanceTally, Uniformity, UniformityTally},
     tile::{
         CellGrid, Opener, Plan, PlanOptions, PointCounts, ScatterOptions, Source, SourceError,
@@ -28,21 +28,21 @@ use crate::{
 
 /// What a cloud is like. Lengths are CRS units.
 #[derive(Clone, Debug, Serialize)]
-pub struct Measured {
+pub(crate) struct Measured {
     /// Points in it, coincident ones once for each.
-    pub points: u64,
+    pub(crate) points: u64,
     /// The figures of uniformity.
-    pub uniformity: Uniformity,
+    pub(crate) uniformity: Uniformity,
     /// The hexagonal spacing of as many points on the cloud's surface, about:
     /// the unit of what follows.
-    pub spacing: f64,
+    pub(crate) spacing: f64,
     /// From the cloud to the nearest point of the scans it is compared with,
     /// looked for within eight spacings.
-    pub accuracy: Option<DistanceFigures>,
+    pub(crate) accuracy: Option<DistanceFigures>,
     /// From the scans to the nearest point of the cloud, likewise.
-    pub coverage: Option<DistanceFigures>,
+    pub(crate) coverage: Option<DistanceFigures>,
     /// From the cloud to surfaces that are known, where they were asked.
-    pub truth: Option<DistanceFigures>,
+    pub(crate) truth: Option<DistanceFigures>,
 }
 
 /// Points of a part.
@@ -95,12 +95,12 @@ impl Marked {
     fn open(
         input: &InputFile,
         mark: Mark,
-        lattice: Lattice,
+        quantization: Quantization,
     ) -> Result<Box<dyn Source>, SourceError> {
         let record = RecordFormat::for_inputs(std::slice::from_ref(input))?;
         let (all, filter) = (0..input.points_claimed, PointFilter::default());
         Ok(Box::new(Self {
-            stream: PointStream::open(input, all, &record, lattice, &filter)?,
+            stream: PointStream::open(input, all, &record, quantization, &filter)?,
             length: record.record_length(),
             mark,
         }))
@@ -128,7 +128,7 @@ impl Source for Marked {
 /// # Errors
 ///
 /// If a file cannot be read, or temporary files cannot be written.
-pub fn measure(
+pub(crate) fn measure(
     files: &[PathBuf],
     against: &[PathBuf],
     temporary: &Path,
@@ -157,7 +157,7 @@ pub fn measure(
 /// # Errors
 ///
 /// If a file cannot be read.
-pub fn measure_against_surface(
+pub(crate) fn measure_against_surface(
     files: &[PathBuf],
     spacing: f64,
     distance: impl Fn([f64; 3]) -> f64,
@@ -165,13 +165,13 @@ pub fn measure_against_surface(
     let mut tally = DistanceTally::new(spacing);
     for path in expand_inputs(files)? {
         let marked = [(Mark::Cloud, InputFile::survey(&path)?)];
-        let lattice = InputFile::common_lattice(marked.iter().map(|(_, file)| file));
+        let quantization = InputFile::common_quantization(marked.iter().map(|(_, file)| file));
         let wrong = |e: SourceError| JobError::Tile(TileError::Sources(vec![(0, e)]));
-        let mut source = Marked::open(&marked[0].1, Mark::Cloud, lattice).map_err(wrong)?;
+        let mut source = Marked::open(&marked[0].1, Mark::Cloud, quantization).map_err(wrong)?;
         let mut records = Vec::new();
         while source.next_batch(&mut records).map_err(wrong)?.read > 0 {
             for record in records.chunks_exact(MARKED) {
-                tally.push(distance(lattice.world(Stored::of_record(record))));
+                tally.push(distance(quantization.world(Stored::of_record(record))));
             }
         }
     }
@@ -183,10 +183,12 @@ fn measure_in(
     dir: &Path,
     budget: &Budget,
 ) -> Result<Measured, JobError> {
-    let lattice = InputFile::common_lattice(files.iter().map(|(_, file)| file));
+    let quantization = InputFile::common_quantization(files.iter().map(|(_, file)| file));
     let sources: Vec<Opener<'_>> = files
         .iter()
-        .map(|(mark, file)| Box::new(move |_| Marked::open(file, *mark, lattice)) as Opener<'_>)
+        .map(|(mark, file)| {
+            Box::new(move |_| Marked::open(file, *mark, quantization)) as Opener<'_>
+        })
         .collect();
     let options = ScatterOptions {
         record_length: MARKED,
@@ -200,7 +202,7 @@ fn measure_in(
         let [min, max] = file.bounds;
         extent.max(max[0] - min[0]).max(max[1] - min[1])
     });
-    let grid = CellGrid::for_extent((extent / lattice.scale) as i64, 64);
+    let grid = CellGrid::for_extent((extent / quantization.scale) as i64, 64);
     let stem = &dir.join("spill");
     scatter(
         sources,
@@ -213,7 +215,7 @@ fn measure_in(
     let spill = Spill::open(stem)?;
     let parts = |halo: f64| {
         let options = PlanOptions {
-            halo: lattice.units(halo),
+            halo: quantization.units(halo),
             margin: 0,
             tile_edge: None,
             most_cost: PART_POINTS.min(budget.points(BYTES_PER_POINT)),
@@ -230,14 +232,14 @@ fn measure_in(
         }
         Ok(plan)
     };
-    let spacing = spacing(&spill, &parts(0.0)?, lattice)?;
+    let spacing = spacing(&spill, &parts(0.0)?, quantization)?;
     let has_scans = files.iter().any(|(mark, _)| *mark == Mark::Scan);
     let reach = if has_scans { FARTHEST } else { HALO };
     let plan = parts(reach * spacing)?;
 
-    let options = Options {
+    let options = SolverOptions {
         fit_radius: FIT_RADIUS * spacing,
-        ..Options::new(spacing)
+        ..SolverOptions::new(spacing)
     };
     let mut points = 0;
     let mut tally = UniformityTally::new(spacing);
@@ -252,16 +254,16 @@ fn measure_in(
             (&scan, &cloud, &mut coverage),
         ] {
             if has_scans {
-                let to: Vec<_> = to.iter().map(|&p| lattice.local(p)).collect();
+                let to: Vec<_> = to.iter().map(|&p| quantization.local(p)).collect();
                 let grid = NeighborGrid::new(&to, spacing);
                 for &point in from.iter().filter(|&&p| tile.core.contains(p)) {
-                    let near = grid.nearest(lattice.local(point), reach * spacing, |_| false);
+                    let near = grid.nearest(quantization.local(point), reach * spacing, |_| false);
                     tally.push(near.map_or(reach * spacing, |(_, squared)| squared.sqrt()));
                 }
             }
         }
-        let scan = Scan::as_scanned(cloud, lattice, &options);
-        let domain = Domain {
+        let scan = Scan::as_scanned(cloud, quantization, &options);
+        let domain = TileRegion {
             known,
             core: tile.core,
             band: plan.halo,
@@ -297,17 +299,17 @@ fn gather(
 
 /// How far apart the cloud's points are, in hexagonal spacings, about: the first
 /// of `parts` that holds enough of them is asked.
-fn spacing(spill: &Spill, parts: &Plan, lattice: Lattice) -> Result<f64, JobError> {
+fn spacing(spill: &Spill, parts: &Plan, quantization: Quantization) -> Result<f64, JobError> {
     let mut places = Vec::new();
     for tile in &parts.tiles {
         let (cloud, _) = gather(spill, &tile.core)?;
-        places.extend(cloud.into_iter().map(|point| lattice.local(point)));
+        places.extend(cloud.into_iter().map(|point| quantization.local(point)));
         if places.len() >= 1000 {
             break;
         }
     }
-    let extent = spill.bounds().extent() as f64 * lattice.scale;
-    let guess = (extent / (places.len().max(1) as f64).sqrt()).max(lattice.scale);
+    let extent = spill.bounds().extent() as f64 * quantization.scale;
+    let guess = (extent / (places.len().max(1) as f64).sqrt()).max(quantization.scale);
     let coarse = NeighborGrid::new(&places, guess);
     let (mut sum, mut count) = (0.0, 0_u32);
     for (index, &place) in (0u32..)
