@@ -1,4 +1,4 @@
-"""Times whole jobs against decoding once and against peers: see scripts/bench-job."""
+"""Times whole jobs against decoding once and against other programs; scripts/bench-job runs it."""
 
 import importlib.util
 import os

@@ -1,5 +1,5 @@
-// Weighted locally optimal projection by CGAL, with its defaults: a file of doubles
-// (x y z x y z …) in, another out.
+// Runs CGAL's weighted locally optimal projection (WLOP) with its defaults. Reads a file of
+// doubles (x y z x y z …) and writes another.
 //
 //     wlop IN OUT COUNT
 

@@ -1,4 +1,4 @@
-"""Filters, means, majorities and computed attributes against numpy, scipy and shapely.
+"""Compares filters, means, majorities and computed attributes with numpy, scipy and shapely.
 
     attributes.py PROGRAM WORK SCAN...
 """

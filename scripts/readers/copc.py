@@ -5,7 +5,7 @@
 copclib walks the hierarchy: every node's points must lie in its cube, all nodes together
 must be all points of the header, and each level must be twice as dense along an edge as the
 one before. laspy reads the same file as LAZ, and queries a part of it by its octree. With
-REFERENCE, a LAS or LAZ file, the points must be those of it, whatever their order.
+REFERENCE, a LAS or LAZ file, the points must be the same as in that file, in any order.
 """
 
 import sys

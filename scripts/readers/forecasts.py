@@ -1,4 +1,4 @@
-"""Reads a run's JSON lines as they come, and tells how far off its forecasts were.
+"""Reads the JSON lines of a run while it works, and prints the errors of its forecasts.
 
     lloydar run … --log json 2>&1 >/dev/null | forecasts.py LABEL
 """

@@ -1,8 +1,8 @@
-"""Every point format, LAS and LAZ, with and without extra bytes, through lloydar and back.
+"""Sends every point format, LAS and LAZ, with and without extra bytes, through lloydar and back.
 
     formats.py PROGRAM WORK
 
-laspy writes a wavy sheet in each; every attribute is followed to LAZ, LAS, COPC and PLY.
+laspy writes a wavy sheet in each; every attribute is compared in LAZ, LAS, COPC and PLY.
 """
 
 import pathlib

@@ -4,8 +4,8 @@ readers, and compares values.
     reading.py OUT SCAN...
 
 laspy reads the scans and, through both of its decoders (lazrs, and LASzip, the reference),
-the cloud; copclib reads the cloud with a third. Compared are counts, bounds, CRS, and every
-attribute of every point with those of an input point near it.
+the cloud; copclib reads the cloud with a third. Counts, bounds and CRS are compared, and every
+attribute of every point with that of an input point near it.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""Opens a report in Chromium, uses its controls, and asks axe-core whether all can.
+"""Opens a report in Chromium, uses its controls, and checks its accessibility with axe-core.
 
     report.py REPORT.html AXE.js PICTURES
 """

@@ -1,8 +1,8 @@
-"""Runs every scan of a folder at two spacings and checks what others read of the result.
+"""Resamples every scan of a folder at two spacings and checks what independent readers read.
 
     scans.py PROGRAM DIR WORK
 
-A folder named `malformed` holds files that must be answered quickly: by success, or by a
+A folder named `malformed` contains files that must be answered quickly, by success or by a
 message that names the file.
 """
 

@@ -1,4 +1,4 @@
-"""Opens a viewer in Chromium, uses its controls, and asks axe-core whether all can.
+"""Opens a viewer in Chromium, uses its controls, and checks its accessibility with axe-core.
 
     viewer.py VIEWER.html AXE.js PICTURES
 
