@@ -8,6 +8,7 @@
 //! that a later run of the same job finds: what is done is not done again.
 
 mod clock;
+mod cluster;
 mod detail;
 mod directory;
 mod disk;
@@ -16,7 +17,7 @@ mod excerpt;
 mod field;
 mod forecast;
 mod gathering;
-mod handover;
+
 mod measuring;
 mod memory;
 mod outcome;
@@ -28,18 +29,19 @@ mod rendering;
 mod running;
 mod scattering;
 mod scratch;
-mod sharing;
+
 mod solving;
 mod spacing;
 mod stamps;
-mod status;
+
 mod survey;
-mod tile_groups;
+
 mod tiles;
 mod transfer;
 mod writing;
 
 pub(crate) use clock::{ResourceSample, StageCost};
+pub(crate) use cluster::{JobStatus, Worker};
 pub(crate) use detail::DetailView;
 pub(crate) use directory::default_directory;
 pub(crate) use disk::write_file;
@@ -53,7 +55,7 @@ pub use progress::{Progress, Quiet, Standing, Unit};
 pub(crate) use rendering::{Coloring, Picture, render};
 pub use running::Job;
 pub(crate) use scattering::InputCount;
-pub(crate) use sharing::Worker;
+
 pub(crate) use solving::TileFigures;
-pub(crate) use status::JobStatus;
+
 pub(crate) use survey::Survey;

@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     JobError, LeftOut, Progress, Survey, Unit, Worker,
+    cluster::{Claim, Ending, Kind, MOST_GROUPS},
     directory::write_among_others,
     memory::Budget,
-    sharing::{Claim, Ending, Kind, MOST_GROUPS},
 };
 use crate::{
     las::{LasError, PointStream},

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{JobError, TileFigures, tile_groups};
+use super::{JobError, TileFigures, cluster};
 use crate::tile::{Pack, SolvedTile, TileError};
 
 /// The tiles that are solved: two blocks each, the figures last. Where they are, the
@@ -17,7 +17,7 @@ const SETTLED: &str = "tiles.settled";
 impl SolvedTiles {
     /// The tiles that are solved in the job directory `dir`, by this process and by others.
     pub(super) fn open(dir: &Path) -> Result<Self, JobError> {
-        let mut packs = tile_groups::packs(dir)?;
+        let mut packs = cluster::packs(dir)?;
         packs.push(Pack::open(&dir.join(SOLVED))?);
         Ok(Self(packs))
     }

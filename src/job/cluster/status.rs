@@ -5,14 +5,18 @@ use std::{fs, path::Path};
 use serde::Serialize;
 
 use super::{
-    JobError,
+    claims::{BEAT, Claim, Ending},
     handover::Handover,
-    scattering::{POINTS, ScanGroups},
-    sharing::{BEAT, Claim, Ending},
     tile_groups::{TILES, groups, packs_of},
-    tiles::SolvedTiles,
 };
-use crate::tile::Tile;
+use crate::{
+    job::{
+        JobError,
+        scattering::{POINTS, ScanGroups},
+        tiles::SolvedTiles,
+    },
+    tile::Tile,
+};
 
 /// For a task to begin, and to look at what others do.
 const SPARE_MINUTES: u64 = 10;

@@ -21,14 +21,16 @@ use std::{
 
 use crossbeam::channel::{self, RecvTimeoutError};
 
-use super::{JobError, directory::Stamp};
-use crate::tile::TileError;
+use crate::{
+    job::{JobError, directory::Stamp},
+    tile::TileError,
+};
 
 /// Groups that work goes in, at the most: no job directory holds more than so many claims a
 /// round of attempts.
-pub(super) const MOST_GROUPS: usize = 256;
+pub(crate) const MOST_GROUPS: usize = 256;
 /// How often a process says that it lives.
-pub(super) const BEAT: Duration = Duration::from_secs(5);
+pub(crate) const BEAT: Duration = Duration::from_secs(5);
 /// How often is looked whether it is told to stop: it has less than a second then.
 const HEED: Duration = Duration::from_millis(100);
 /// How often is looked whether others live.
@@ -53,17 +55,17 @@ pub(crate) struct Worker {
 
 /// A kind of work, by the names of its files.
 #[derive(Debug)]
-pub(super) struct Kind {
-    pub(super) stem: &'static str,
+pub(crate) struct Kind {
+    pub(crate) stem: &'static str,
     /// Ending of the file that claims a group, and holds its result.
-    pub(super) begun: &'static str,
+    pub(crate) begun: &'static str,
     /// Ending of the file that says that the result is complete.
-    pub(super) complete: &'static str,
+    pub(crate) complete: &'static str,
 }
 
 /// What became of an attempt; the later ones stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Ending {
+pub(crate) enum Ending {
     /// Somebody works on it, or died over it.
     Begun,
     /// Somebody was told to stop, or could not do it.
@@ -73,13 +75,13 @@ pub(super) enum Ending {
 
 /// An attempt at a group.
 #[derive(Clone, Debug)]
-pub(super) struct Claim {
+pub(crate) struct Claim {
     kind: &'static Kind,
-    pub(super) group: usize,
-    pub(super) attempt: u32,
-    pub(super) ending: Ending,
+    pub(crate) group: usize,
+    pub(crate) attempt: u32,
+    pub(crate) ending: Ending,
     /// Its files without their endings.
-    pub(super) stem: PathBuf,
+    pub(crate) stem: PathBuf,
 }
 
 impl Claim {
@@ -94,7 +96,7 @@ impl Claim {
     }
 
     /// All of this `kind` in `dir`, by group, then by attempt.
-    pub(super) fn all(kind: &'static Kind, dir: &Path) -> Result<Vec<Self>, JobError> {
+    pub(crate) fn all(kind: &'static Kind, dir: &Path) -> Result<Vec<Self>, JobError> {
         let mut found: BTreeMap<(usize, u32), Ending> = BTreeMap::new();
         for entry in fs::read_dir(dir).map_err(|e| JobError::io("read", dir, e))? {
             let name = entry.map_err(|e| JobError::io("read", dir, e))?.file_name();
@@ -111,7 +113,7 @@ impl Claim {
     }
 
     /// The file that claims the group, and holds its result.
-    pub(super) fn path(&self) -> PathBuf {
+    pub(crate) fn path(&self) -> PathBuf {
         self.stem.with_extension(self.kind.begun)
     }
 
@@ -126,7 +128,7 @@ impl Claim {
     }
 
     /// Says that its result is complete.
-    pub(super) fn complete(&self) -> Result<(), JobError> {
+    pub(crate) fn complete(&self) -> Result<(), JobError> {
         let path = self.stem.with_extension(self.kind.complete);
         let made = File::create(&path).map(drop);
         made.map_err(|e| JobError::io("create", &path, e))
@@ -245,7 +247,7 @@ impl Worker {
     pub(crate) const ATTEMPTS: u32 = 4;
 
     /// One that sees the work done, whoever does it.
-    pub(super) fn to_the_end(threads: usize) -> Self {
+    pub(crate) fn to_the_end(threads: usize) -> Self {
         Self {
             threads,
             shard: None,
@@ -262,7 +264,7 @@ impl Worker {
     /// # Errors
     ///
     /// Those of `work`; [`TileError::Cancelled`] soon after `cancel` is set.
-    pub(super) fn share(
+    pub(crate) fn share(
         &self,
         kind: &'static Kind,
         dir: &Path,

@@ -8,12 +8,13 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-use super::{
-    Job, JobError, JobPlan, Progress, Worker,
-    running::{Running, threads},
-};
+use super::claims::Worker;
 use crate::{
     config::Settings,
+    job::{
+        Job, JobError, JobPlan, Progress,
+        running::{Running, threads},
+    },
     las::RecordFormat,
     tile::{read_whole, write_whole},
 };

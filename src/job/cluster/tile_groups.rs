@@ -3,17 +3,16 @@
 use std::{path::Path, sync::atomic::AtomicBool};
 
 use super::{
-    JobError, Progress, Unit, Worker,
+    claims::{Claim, Kind, MOST_GROUPS, Worker},
     handover::Handover,
-    memory::mebibytes,
-    queue::Queue,
-    running::threads,
-    scattering::scattered,
-    sharing::{Claim, Kind, MOST_GROUPS},
-    tiles::SolvedTiles,
-    transfer::Transfer,
 };
-use crate::tile::{Pack, Plan, Tile, TileError};
+use crate::{
+    job::{
+        JobError, Progress, Unit, memory::mebibytes, queue::Queue, running::threads,
+        scattering::scattered, tiles::SolvedTiles, transfer::Transfer,
+    },
+    tile::{Pack, Plan, Tile, TileError},
+};
 
 /// Tiles, each added to the file of its group.
 pub(super) const TILES: Kind = Kind {
@@ -40,7 +39,7 @@ pub(super) fn groups(plan: &Plan) -> Vec<Vec<Tile>> {
 }
 
 /// The tiles that processes have solved which share the job in `dir`.
-pub(super) fn packs(dir: &Path) -> Result<Vec<Pack>, JobError> {
+pub(crate) fn packs(dir: &Path) -> Result<Vec<Pack>, JobError> {
     packs_of(&Claim::all(&TILES, dir)?)
 }
 
