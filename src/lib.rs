@@ -65,6 +65,7 @@ mod report;
 mod simulate;
 #[cfg(feature = "formats")]
 mod tile;
+mod tiling;
 
 #[cfg(feature = "formats")]
 pub use job::{Job, Progress, Quiet, Standing, Unit};
@@ -86,8 +87,9 @@ pub mod internals {
         quality::{CellFigures, DistanceFigures, DistanceTally, Uniformity, UniformityTally},
         simulate::{SimulatedPoint, Street, StreetOptions},
         tile::{
-            CellGrid, Guest, Opener, PointCounts, ScatterOptions, SeamTally, SolvedSite, Source,
-            SourceError, Spill, TileError, blend, scatter,
+            Guest, Opener, PointCounts, ScatterOptions, SeamTally, SolvedSite, Source, SourceError,
+            Spill, TileError, blend, scatter,
         },
+        tiling::CellGrid,
     };
 }

@@ -220,7 +220,7 @@ fn measure_in(
             tile_edge: None,
             most_cost: PART_POINTS.min(budget.points(BYTES_PER_POINT)),
         };
-        let plan = Plan::by_points(&spill, &options);
+        let plan = Plan::by_points(spill.squares(), spill.grid().square(), &options);
         let needed = budget.needed(plan.most_cost() as f64 * BYTES_PER_POINT);
         if needed > budget.total {
             return Err(JobError::Refused(format!(

@@ -329,5 +329,5 @@ fn parts(spill: &Spill, halo: i64, margin: i64, seeds_per_point: f64) -> Vec<Til
         tile_edge: None,
         most_cost: (PART_SEEDS / seeds_per_point).clamp(least, most) as u64,
     };
-    Plan::by_points(spill, &options).tiles
+    Plan::by_points(spill.squares(), spill.grid().square(), &options).tiles
 }

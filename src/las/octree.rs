@@ -9,7 +9,7 @@
 
 use crate::{
     geometry::{Rect, Stored},
-    tile::Bounds,
+    tiling::Bounds,
 };
 
 /// Bits of a voxel's number along an axis, at the finest level: three of them are a key.

@@ -12,10 +12,8 @@
 //! first twelve bytes: x, y, z as stored, little endian.
 
 mod gather;
-mod grid;
 mod growing;
 mod pack;
-mod plan;
 mod scatter;
 mod solved;
 mod spill;
@@ -23,14 +21,11 @@ mod spilling;
 mod stitch;
 mod whole;
 
-pub use grid::CellGrid;
-pub(crate) use grid::CellKey;
+pub(crate) use crate::tiling::{CellGrid, CellKey, Plan, PlanOptions, Square, Tile};
 pub(crate) use pack::Pack;
-pub(crate) use plan::{Plan, PlanOptions, Square, Tile};
 pub use scatter::{Opener, ScatterOptions, Source, SourceError, scatter};
 pub use solved::SolvedSite;
 pub(crate) use solved::SolvedTile;
-pub(crate) use spill::Bounds;
 pub use spill::Spill;
 pub(crate) use spilling::SpillWriter;
 pub use stitch::{Guest, SeamTally, blend};

@@ -19,17 +19,16 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::{CellGrid, CellKey, PointCounts, TileError, grid::SQUARES, read_whole, write_whole};
-use crate::geometry::{Rect, Stored};
+use super::{PointCounts, TileError, read_whole, write_whole};
+use crate::{
+    geometry::Rect,
+    tiling::{Bounds, CellGrid, CellKey, MAX_OCCUPIED_CELLS, SQUARES_PER_CELL_EDGE},
+};
 
 const MAGIC: u64 = u64::from_le_bytes(*b"llspill3");
 
 /// Points of every counting square of a cell, row by row.
-pub(super) type SquareCounts = [u64; (SQUARES * SQUARES) as usize];
-
-/// Occupied cells at the most: with more the grid is made coarser. Their number goes
-/// with the points alone, whatever their order, so the grid does, too.
-const MOST_CELLS: usize = 8192;
+pub(super) type SquareCounts = [u64; (SQUARES_PER_CELL_EDGE * SQUARES_PER_CELL_EDGE) as usize];
 
 /// Records of one cell that lie together in a file of the spill.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,46 +38,6 @@ pub(super) struct Chunk {
     pub(super) file: u32,
     pub(super) offset: u64,
     pub(super) bytes: u64,
-}
-
-/// The true bounds of the points, in stored units; inverted if there are none.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Bounds {
-    /// Smallest coordinates.
-    pub(crate) min: [i32; 3],
-    /// Largest coordinates.
-    pub(crate) max: [i32; 3],
-}
-
-impl Bounds {
-    pub(super) fn empty() -> Self {
-        Self {
-            min: [i32::MAX; 3],
-            max: [i32::MIN; 3],
-        }
-    }
-
-    pub(super) fn grow(&mut self, point: Stored) {
-        let point = [point.x, point.y, point.z];
-        self.join(&Self {
-            min: point,
-            max: point,
-        });
-    }
-
-    fn join(&mut self, other: &Self) {
-        for axis in 0..3 {
-            self.min[axis] = self.min[axis].min(other.min[axis]);
-            self.max[axis] = self.max[axis].max(other.max[axis]);
-        }
-    }
-
-    /// The longest side in stored units; 0 if there are no points.
-    pub(crate) fn extent(&self) -> i64 {
-        (0..3)
-            .map(|axis| i64::from(self.max[axis]) - i64::from(self.min[axis]))
-            .fold(0, i64::max)
-    }
 }
 
 /// How far a source has been scattered.
@@ -224,13 +183,16 @@ impl Spill {
     /// squares, and the points in each; in a fixed order.
     pub(crate) fn squares(&self) -> impl Iterator<Item = ([i64; 2], u64)> + '_ {
         self.index.counts.iter().flat_map(|(cell, squares)| {
-            let corner = [cell.column, cell.row].map(|c| i64::from(c) * SQUARES);
+            let corner = [cell.column, cell.row].map(|c| i64::from(c) * SQUARES_PER_CELL_EDGE);
             (0..)
                 .zip(squares.iter())
                 .filter(|&(_, &count)| count > 0)
                 .map(move |(place, &count): (i64, &u64)| {
                     (
-                        [corner[0] + place % SQUARES, corner[1] + place / SQUARES],
+                        [
+                            corner[0] + place % SQUARES_PER_CELL_EDGE,
+                            corner[1] + place / SQUARES_PER_CELL_EDGE,
+                        ],
                         count,
                     )
                 })
@@ -267,7 +229,7 @@ impl Index {
 
     /// Whether it has too many cells.
     pub(super) fn is_crowded(&self) -> bool {
-        self.counts.len() > MOST_CELLS
+        self.counts.len() > MAX_OCCUPIED_CELLS
     }
 
     /// Makes every four cells one.
@@ -401,7 +363,8 @@ impl Index {
         }
         for _ in 0..cells {
             let cell = rest.cell()?;
-            let mut squares = Box::new([0; (SQUARES * SQUARES) as usize]);
+            let mut squares =
+                Box::new([0; (SQUARES_PER_CELL_EDGE * SQUARES_PER_CELL_EDGE) as usize]);
             for count in squares.iter_mut() {
                 *count = rest.u64()?;
             }

@@ -6,7 +6,11 @@
 use crate::geometry::{Rect, Stored};
 
 /// Counting squares along the edge of a cell.
-pub(super) const SQUARES: i64 = 8;
+pub(crate) const SQUARES_PER_CELL_EDGE: i64 = 8;
+
+/// The most cells that may be occupied. With more the grid is made coarser; because the number of occupied
+/// cells depends on the points alone, and not on their order, so does the grid.
+pub(crate) const MAX_OCCUPIED_CELLS: usize = 8192;
 
 /// Cells along the longer side of what the headers claim, if usual ones are too wide
 /// for as many.
@@ -23,7 +27,7 @@ pub(crate) struct CellKey {
 
 impl CellKey {
     /// The cell of the grid twice as coarse that holds this one.
-    pub(super) fn parent(self) -> Self {
+    pub(crate) fn parent(self) -> Self {
         Self {
             row: self.row.div_euclid(2),
             column: self.column.div_euclid(2),
@@ -42,10 +46,12 @@ impl CellGrid {
     /// squares.
     pub fn new(edge: i64) -> Self {
         // At most 2²⁹, so that doubling an edge is far from overflow.
-        let squares =
-            edge.clamp(SQUARES, 1 << 29).div_euclid(SQUARES) + i64::from(edge % SQUARES != 0);
+        let squares = edge
+            .clamp(SQUARES_PER_CELL_EDGE, 1 << 29)
+            .div_euclid(SQUARES_PER_CELL_EDGE)
+            + i64::from(edge % SQUARES_PER_CELL_EDGE != 0);
         Self {
-            edge: squares.max(1) * SQUARES,
+            edge: squares.max(1) * SQUARES_PER_CELL_EDGE,
         }
     }
 
@@ -58,17 +64,17 @@ impl CellGrid {
     }
 
     /// The grid of cells twice as wide, each of four of these.
-    pub(super) fn coarser(&self) -> Self {
+    pub(crate) fn coarser(&self) -> Self {
         Self::new(2 * self.edge)
     }
 
     /// The place, in the cell's parent, of the square at `place` of `cell`.
-    pub(super) fn square_in_parent(cell: CellKey, place: usize) -> usize {
+    pub(crate) fn square_in_parent(cell: CellKey, place: usize) -> usize {
         let along = |cell: i32, square: usize| {
-            let square = i64::from(cell) * SQUARES + square as i64;
-            square.div_euclid(2).rem_euclid(SQUARES) as usize
+            let square = i64::from(cell) * SQUARES_PER_CELL_EDGE + square as i64;
+            square.div_euclid(2).rem_euclid(SQUARES_PER_CELL_EDGE) as usize
         };
-        let side = SQUARES as usize;
+        let side = SQUARES_PER_CELL_EDGE as usize;
         along(cell.row, place / side) * side + along(cell.column, place % side)
     }
 
@@ -79,7 +85,7 @@ impl CellGrid {
 
     /// Edge of a counting square in stored units.
     pub(crate) fn square(&self) -> i64 {
-        self.edge / SQUARES
+        self.edge / SQUARES_PER_CELL_EDGE
     }
 
     /// The one cell that holds `point`.
@@ -92,9 +98,9 @@ impl CellGrid {
     }
 
     /// The counting square of `point` within its cell.
-    pub(super) fn square_in_cell(&self, point: Stored) -> usize {
+    pub(crate) fn square_in_cell(&self, point: Stored) -> usize {
         let place = |c: i32| i64::from(c).rem_euclid(self.edge) / self.square();
-        (place(point.y) * SQUARES + place(point.x)) as usize
+        (place(point.y) * SQUARES_PER_CELL_EDGE + place(point.x)) as usize
     }
 
     /// The counting square of `point`, by its place in units of squares.
@@ -112,7 +118,7 @@ impl CellGrid {
 
     /// The cell that the counting square at `place` is a part of.
     pub(crate) fn cell_of_square(&self, place: [i64; 2]) -> CellKey {
-        let [column, row] = place.map(|c| c.div_euclid(SQUARES) as i32);
+        let [column, row] = place.map(|c| c.div_euclid(SQUARES_PER_CELL_EDGE) as i32);
         CellKey { row, column }
     }
 
@@ -140,8 +146,8 @@ mod tests {
                     let rect = grid.rect(grid.cell(point));
                     assert!(rect.contains(point));
                     let square = grid.square_in_cell(point) as i64;
-                    let west = rect.min[0] + square % SQUARES * grid.square();
-                    let south = rect.min[1] + square / SQUARES * grid.square();
+                    let west = rect.min[0] + square % SQUARES_PER_CELL_EDGE * grid.square();
+                    let south = rect.min[1] + square / SQUARES_PER_CELL_EDGE * grid.square();
                     let (x, y) = (i64::from(x), i64::from(y));
                     assert!(west <= x && x < west + grid.square());
                     assert!(south <= y && y < south + grid.square());
@@ -172,7 +178,7 @@ mod tests {
     #[test]
     fn an_absurd_extent_is_survived() {
         for extent in [i64::MIN, -1, 0, 1, i64::MAX] {
-            assert!(CellGrid::for_extent(extent, 1).edge() >= SQUARES);
+            assert!(CellGrid::for_extent(extent, 1).edge() >= SQUARES_PER_CELL_EDGE);
         }
     }
 }

@@ -11,7 +11,6 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use super::Spill;
 use crate::geometry::Rect;
 
 /// Cuts tried along each axis.
@@ -102,17 +101,21 @@ impl Plan {
         }
     }
 
-    /// Plans tiles over `spill` that cost as many as the points they see.
-    pub(crate) fn by_points(spill: &Spill, options: &PlanOptions) -> Self {
-        let squares: Vec<Square> = spill
-            .squares()
+    /// Plans tiles over the occupied squares `counts`, each of edge `square` (stored units), where the cost of
+    /// a tile is the number of points that it sees.
+    pub(crate) fn by_points(
+        counts: impl Iterator<Item = ([i64; 2], u64)>,
+        square: i64,
+        options: &PlanOptions,
+    ) -> Self {
+        let squares: Vec<Square> = counts
             .map(|(place, points)| Square {
                 place,
                 points,
                 cost: points,
             })
             .collect();
-        Self::make(&squares, spill.grid().square(), options)
+        Self::make(&squares, square, options)
     }
 
     /// What the costliest tile costs.
