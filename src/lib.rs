@@ -66,6 +66,8 @@ mod simulate;
 #[cfg(feature = "formats")]
 mod tile;
 mod tiling;
+#[cfg(feature = "formats")]
+mod views;
 
 #[cfg(feature = "formats")]
 pub use job::{Job, Progress, Quiet, Standing, Unit};

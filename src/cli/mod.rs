@@ -17,10 +17,11 @@ use std::{
 
 use crate::{
     config::{Bytes, Choices, OnBadFile, by_name},
-    job::{Coloring, InputCount, Job, JobError, Picture, default_directory, render, write_file},
+    job::{InputCount, Job, JobError, default_directory, write_file},
     las::{InputFile, expand_inputs},
     picture::View,
     report::{REPORT_PAGE, Report, VIEWER_PAGE},
+    views::{Coloring, Picture, render},
 };
 use clap::{CommandFactory, Parser, Subcommand};
 
@@ -316,7 +317,7 @@ fn run(command: Command) -> Result<u8, JobError> {
                 size,
                 point_size,
             };
-            render(&files, &picture, &output).map(|()| 0)
+            write_file(&output, &render(&files, &picture)?).map(|()| 0)
         }
         Command::Info { files, json } => tables::print_info(&files, json),
         Command::Config { config, choices } => {

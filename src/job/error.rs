@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{config::ConfigError, las::LasError, tile::TileError};
+use crate::{config::ConfigError, las::LasError, tile::TileError, views::ViewError};
 
 /// Why a job failed.
 #[derive(Debug, thiserror::Error)]
@@ -56,6 +56,16 @@ fn files(count: usize) -> String {
     match count {
         1 => "an input".to_owned(),
         _ => format!("{count} of the inputs"),
+    }
+}
+
+impl From<ViewError> for JobError {
+    fn from(error: ViewError) -> Self {
+        match error {
+            ViewError::Las(error) => Self::Las(error),
+            ViewError::Tile(error) => Self::Tile(error),
+            other => Self::Refused(other.to_string()),
+        }
     }
 }
 

@@ -9,23 +9,19 @@
 
 mod clock;
 mod cluster;
-mod detail;
 mod directory;
 mod disk;
 mod error;
-mod excerpt;
-mod field;
 mod forecast;
 mod gathering;
 
-mod measuring;
+mod measure;
 mod memory;
 mod outcome;
 mod planning;
 mod progress;
 mod provenance;
 mod queue;
-mod rendering;
 mod running;
 mod scattering;
 mod scratch;
@@ -42,17 +38,13 @@ mod writing;
 
 pub(crate) use clock::{ResourceSample, StageCost};
 pub(crate) use cluster::{JobStatus, Worker};
-pub(crate) use detail::DetailView;
 pub(crate) use directory::default_directory;
 pub(crate) use disk::write_file;
 pub(crate) use error::{JobError, LeftOut};
-pub(crate) use excerpt::{Excerpt, ShownPoint};
-pub(crate) use field::{Field, WorstPlace};
-pub(crate) use measuring::{measure, measure_against_surface};
+pub(crate) use measure::{measure, measure_against_surface};
 pub(crate) use outcome::Outcome;
 pub(crate) use planning::JobPlan;
 pub use progress::{Progress, Quiet, Standing, Unit};
-pub(crate) use rendering::{Coloring, Picture, render};
 pub use running::Job;
 pub(crate) use scattering::InputCount;
 

@@ -1,9 +1,7 @@
 //! What a job did.
 
-use super::{
-    DetailView, Excerpt, Field, InputCount, JobPlan, ResourceSample, StageCost, TileFigures,
-    WorstPlace, writing::Stitched,
-};
+use super::{InputCount, JobPlan, ResourceSample, StageCost, TileFigures, writing::Stitched};
+use crate::views::{DetailView, Excerpt, Field, WorstPlace};
 
 /// What a job did.
 #[derive(Clone, Debug)]

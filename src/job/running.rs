@@ -10,10 +10,8 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Field, InputCount, JobError, JobPlan, LeftOut, Outcome, Progress, Survey, TileFigures, Unit,
-    Worker, WorstPlace,
+    InputCount, JobError, JobPlan, LeftOut, Outcome, Progress, Survey, TileFigures, Unit, Worker,
     clock::Clock,
-    detail::Look,
     directory::{JobDirectory, Stamp, bytes_in},
     disk::{Need, check_room},
     forecast::Forecast,
@@ -21,11 +19,10 @@ use super::{
     planning::Planning,
     provenance::{checksums, provenance},
     queue::Queue,
-    rendering::{Coloring, Picture, draw},
     scattering::{Scattering, input_counts},
     scratch::Scratch,
     stamps::InputStamps,
-    tiles::{SettledTiles, SolvedTiles},
+    tiles::SolvedTiles,
     transfer::Transfer,
     writing,
 };
@@ -34,7 +31,8 @@ use crate::{
     las::{CloudHeader, CloudWriter, CompleteCloud, Format, LasError, Workspace},
     lloyd::SolverOptions,
     picture::View,
-    tile::{Spill, Tile, TileError},
+    tile::{SettledTiles, Spill, Tile, TileError},
+    views::{Coloring, Field, Look, Picture, WorstPlace, draw},
 };
 
 /// The picture of what came out.

@@ -12,7 +12,6 @@ pub(super) struct SolvedTiles(Vec<Pack>);
 
 /// The name of their file in the job directory.
 const SOLVED: &str = "tiles.solved";
-const SETTLED: &str = "tiles.settled";
 
 impl SolvedTiles {
     /// The tiles that are solved in the job directory `dir`, by this process and by others.
@@ -74,26 +73,5 @@ fn figures_key(tile: u32) -> u64 {
 fn damaged() -> TileError {
     TileError::Damaged {
         path: SOLVED.to_owned(),
-    }
-}
-
-/// The records of the tiles, moved to where their sites end.
-#[derive(Debug)]
-pub(super) struct SettledTiles(Pack);
-
-impl SettledTiles {
-    /// None as yet, in the job directory `dir`.
-    pub(super) fn create(dir: &Path) -> Result<Self, JobError> {
-        Ok(Self(Pack::create(&dir.join(SETTLED))?))
-    }
-
-    /// Adds the records of `tile`.
-    pub(super) fn add(&mut self, tile: u32, records: &[u8]) -> Result<(), JobError> {
-        Ok(self.0.append(&[(tile.into(), records)])?)
-    }
-
-    /// The records of `tile`.
-    pub(super) fn records(&self, tile: u32) -> Result<Vec<u8>, JobError> {
-        Ok(self.0.read(tile.into())?)
     }
 }

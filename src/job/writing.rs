@@ -9,16 +9,13 @@ use std::collections::HashMap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{
-    Field, JobError, Progress,
-    solving::BAND,
-    tiles::{SettledTiles, SolvedTiles},
-};
+use super::{JobError, Progress, solving::BAND, tiles::SolvedTiles};
 use crate::{
     geometry::{Local, NeighborGrid, Quantization, Rect, Stored},
     las::{CloudWriter, move_to},
     quality::UniformityTally,
-    tile::{Guest, Plan, SeamTally, Tile, blend},
+    tile::{Guest, Plan, SeamTally, SettledTiles, Tile, blend},
+    views::Field,
 };
 
 /// How near to another tile is "on the seam", in spacings.

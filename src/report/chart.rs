@@ -1,7 +1,10 @@
 //! Charts as SVG, in the colours of the page.
 
 use super::figure;
-use crate::job::{DetailView, ResourceSample, StageCost};
+use crate::{
+    job::{ResourceSample, StageCost},
+    views::DetailView,
+};
 
 const WIDTH: f64 = 640.0;
 const HEIGHT: f64 = 220.0;

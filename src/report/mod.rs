@@ -9,9 +9,10 @@ mod viewer;
 use serde::Serialize;
 
 use crate::{
-    job::{DetailView, Excerpt, InputCount, Outcome, ResourceSample, StageCost},
+    job::{InputCount, Outcome, ResourceSample, StageCost},
     lloyd::DistanceSums,
     quality::{DistanceFigures, DistanceTally, Uniformity, UniformityTally},
+    views::{DetailView, Excerpt},
 };
 
 pub(crate) use verdict::verdicts;

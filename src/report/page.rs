@@ -7,7 +7,7 @@ use base64::Engine;
 use super::{
     Report, SPANNED, TileRow, VIEWER_PAGE, WorstRow, chart, figure, map, thousands, verdicts,
 };
-use crate::{job::DetailView, quality::Uniformity};
+use crate::{quality::Uniformity, views::DetailView};
 
 pub(super) const STYLE: &str = "
 :root{color-scheme:light dark;--ink:#1b2430;--paper:#fbfbf9;--soft:#66707c;--rule:#d9dcd6;

@@ -7,7 +7,7 @@ use flate2::{Compression, write::ZlibEncoder};
 use serde_json::json;
 
 use super::{Report, page, thousands};
-use crate::job::{Excerpt, ShownPoint};
+use crate::views::{Excerpt, ShownPoint};
 
 /// The parts of three.js that are used (MIT licence, at its top): `scripts/bundle-three`
 /// makes it.

@@ -1,9 +1,9 @@
 //! One place before and after, to be looked at.
 
-use super::{JobError, tiles::SettledTiles};
+use super::ViewError;
 use crate::{
     geometry::{Quantization, Rect, Stored},
-    tile::{Plan, Spill},
+    tile::{Plan, SettledTiles, Spill},
 };
 
 /// A square of the plane with what lies in it, from above. Lengths are in
@@ -26,29 +26,29 @@ const SIDE: f64 = 24.0;
 const SHOWN: u64 = 2500;
 
 /// What a place is looked at in.
-pub(super) struct Look<'a> {
-    pub(super) plan: &'a Plan,
-    pub(super) spill: &'a Spill,
+pub(crate) struct Look<'a> {
+    pub(crate) plan: &'a Plan,
+    pub(crate) spill: &'a Spill,
     /// Where the sites are settled.
-    pub(super) settled: &'a SettledTiles,
-    pub(super) record_length: usize,
+    pub(crate) settled: &'a SettledTiles,
+    pub(crate) record_length: usize,
     /// Whether records have colour.
-    pub(super) has_color: bool,
+    pub(crate) has_color: bool,
     /// Sites to a point of the input.
-    pub(super) sites_per_point: f64,
-    pub(super) quantization: &'a Quantization,
-    pub(super) spacing: f64,
+    pub(crate) sites_per_point: f64,
+    pub(crate) quantization: &'a Quantization,
+    pub(crate) spacing: f64,
 }
 
 impl Look<'_> {
-    fn sites(&self, tile: u32) -> Result<Vec<Stored>, JobError> {
+    fn sites(&self, tile: u32) -> Result<Vec<Stored>, ViewError> {
         let records = self.settled.records(tile)?;
         let records = records.chunks_exact(self.record_length);
         Ok(records.map(Stored::of_record).collect())
     }
 
     /// Calls `visit` with the record of every site.
-    pub(super) fn visit(&self, visit: &mut dyn FnMut(&[u8])) -> Result<(), JobError> {
+    pub(crate) fn visit(&self, visit: &mut dyn FnMut(&[u8])) -> Result<(), ViewError> {
         for tile in &self.plan.tiles {
             let records = self.settled.records(tile.id)?;
             records
@@ -59,7 +59,7 @@ impl Look<'_> {
     }
 
     /// The middle of `tile`; nothing if it has no site.
-    pub(super) fn at_middle(&self, tile: u32) -> Result<DetailView, JobError> {
+    pub(crate) fn at_middle(&self, tile: u32) -> Result<DetailView, ViewError> {
         match self.site_near(tile, None)? {
             Some(middle) => self.around(middle),
             None => Ok(DetailView::default()),
@@ -67,11 +67,11 @@ impl Look<'_> {
     }
 
     /// The site of `tile` that is nearest to `place`, or else to the mean of all.
-    pub(super) fn site_near(
+    pub(crate) fn site_near(
         &self,
         tile: u32,
         place: Option<[i64; 2]>,
-    ) -> Result<Option<[i64; 2]>, JobError> {
+    ) -> Result<Option<[i64; 2]>, ViewError> {
         let sites = self.sites(tile)?;
         Ok(place.or_else(|| mean(&sites)).and_then(|[x, y]| {
             sites
@@ -82,7 +82,7 @@ impl Look<'_> {
     }
 
     /// The square around `middle` (stored units).
-    pub(super) fn around(&self, middle: [i64; 2]) -> Result<DetailView, JobError> {
+    pub(crate) fn around(&self, middle: [i64; 2]) -> Result<DetailView, ViewError> {
         let Self {
             plan,
             spill,

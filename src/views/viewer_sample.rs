@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{JobError, detail::Look};
+use super::{ViewError, detail::Look};
 use crate::{
     geometry::{NeighborGrid, Rect, Stored},
     las::DisplayAttributes,
@@ -68,7 +68,7 @@ type Seen = (Stored, DisplayAttributes);
 impl Look<'_> {
     /// A square around a place where tiles meet, if any do, near the corner of `tile`;
     /// nothing if it has no site.
-    pub(super) fn excerpt(&self, tile: u32) -> Result<Excerpt, JobError> {
+    pub(crate) fn excerpt(&self, tile: u32) -> Result<Excerpt, ViewError> {
         let Some(middle) = self.at_corner(tile)? else {
             return Ok(Excerpt::default());
         };
@@ -91,7 +91,7 @@ impl Look<'_> {
 
     /// The site of `tile` that is nearest to where most tiles meet it, or to its middle
     /// if it is alone.
-    fn at_corner(&self, tile: u32) -> Result<Option<[i64; 2]>, JobError> {
+    fn at_corner(&self, tile: u32) -> Result<Option<[i64; 2]>, ViewError> {
         let tiles = &self.plan.tiles;
         let Some(own) = tiles.iter().find(|known| known.id == tile) else {
             return Ok(None);
@@ -139,7 +139,7 @@ impl Look<'_> {
     }
 
     /// How many points of the input lie in `square`, and those of them that are shown.
-    fn scanned(&self, square: &Rect) -> Result<(u64, Vec<Seen>), JobError> {
+    fn scanned(&self, square: &Rect) -> Result<(u64, Vec<Seen>), ViewError> {
         let mut scanned = 0;
         self.spill.gather(square, |_| scanned += 1)?;
         let threshold = (u64::MAX / scanned.max(1)).saturating_mul(MOST_SHOWN);
@@ -154,7 +154,7 @@ impl Look<'_> {
     }
 
     /// The points of the output in `square`.
-    fn written(&self, square: &Rect) -> Result<Vec<Seen>, JobError> {
+    fn written(&self, square: &Rect) -> Result<Vec<Seen>, ViewError> {
         let mut seen = Vec::new();
         // A site ends near its tile, not always in it.
         let near = square.grown(self.quantization.units(FARTHEST * self.spacing));

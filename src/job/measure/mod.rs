@@ -10,7 +10,7 @@ use std::{
 
 use serde::Serialize;
 
-use super::{
+use crate::job::{
     JobError,
     memory::{Budget, mebibytes},
     solving::{FARTHEST, uniformity},

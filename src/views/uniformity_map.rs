@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use super::DetailView;
+use super::detail::DetailView;
 use crate::{
     geometry::{Quantization, Stored},
     lloyd::DistanceSums,
@@ -55,7 +55,7 @@ pub(crate) struct WorstPlace {
 
 impl Field {
     /// A field over the points of `spill`.
-    pub(super) fn of_input(spill: &Spill) -> Self {
+    pub(crate) fn of_input(spill: &Spill) -> Self {
         let bounds = spill.bounds();
         let counting = spill.grid().square();
         // Whole counting squares, so that none lies in two.
@@ -76,7 +76,7 @@ impl Field {
     }
 
     /// Adds a point of the output, and how far the next one is, if one is near.
-    pub(super) fn push(&mut self, point: Stored, nearest: Option<f64>, spacing: f64) {
+    pub(crate) fn push(&mut self, point: Stored, nearest: Option<f64>, spacing: f64) {
         let along = |c: i32, axis: usize| (i64::from(c) - self.corner[axis]).div_euclid(self.edge);
         let square = self
             .squares
@@ -109,7 +109,7 @@ impl Field {
     }
 
     /// Where the output is least even: the oddest points of the squares of the largest δ.
-    pub(super) fn worst(&self) -> Vec<(f64, Stored)> {
+    pub(crate) fn worst(&self) -> Vec<(f64, Stored)> {
         let mut found: Vec<(f64, Stored)> = self
             .squares
             .values()

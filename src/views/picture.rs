@@ -1,10 +1,10 @@
 //! A picture of clouds, in one pass over their points.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde::Deserialize;
 
-use super::{JobError, write_file};
+use super::ViewError;
 use crate::{
     geometry::{Quantization, Stored, spread},
     las::{DisplayAttributes, InputFile, PointFilter, PointStream, RecordFormat, expand_inputs},
@@ -44,12 +44,12 @@ const SAMPLED: u64 = 200_000;
 /// Of those, the share that is left out at either end of an axis: strays.
 const STRAY: f64 = 0.002;
 
-/// Draws the points of `files`, and writes a picture in PNG to `output`.
+/// The points of `files` as a picture in PNG.
 ///
 /// # Errors
 ///
-/// If a file cannot be read, or the picture not be written.
-pub(crate) fn render(files: &[PathBuf], picture: &Picture, output: &Path) -> Result<(), JobError> {
+/// If a file cannot be read; [`ViewError::NoPoint`] if there is none.
+pub(crate) fn render(files: &[PathBuf], picture: &Picture) -> Result<Vec<u8>, ViewError> {
     let inputs = expand_inputs(files)?
         .iter()
         .map(|path| InputFile::survey(path))
@@ -60,23 +60,23 @@ pub(crate) fn render(files: &[PathBuf], picture: &Picture, output: &Path) -> Res
     let visit = |draw: &mut dyn FnMut(&[u8])| visit(&inputs, &record, quantization, draw);
     let content = draw(picture, count, record.has_color(), &quantization, &visit)?;
     if content.is_empty() {
-        return Err(JobError::Refused("there is no point to be drawn".into()));
+        return Err(ViewError::NoPoint);
     }
-    write_file(output, &content)
+    Ok(content)
 }
 
 /// Calls its argument with every record.
-pub(super) type Visit<'a> = dyn Fn(&mut dyn FnMut(&[u8])) -> Result<(), JobError> + 'a;
+pub(crate) type Visit<'a> = dyn Fn(&mut dyn FnMut(&[u8])) -> Result<(), ViewError> + 'a;
 
 /// A picture, in PNG, of the `count` points that `visit` goes through, twice; nothing if
 /// there are none.
-pub(super) fn draw(
+pub(crate) fn draw(
     picture: &Picture,
     count: u64,
     has_color: bool,
     quantization: &Quantization,
     visit: &Visit<'_>,
-) -> Result<Vec<u8>, JobError> {
+) -> Result<Vec<u8>, ViewError> {
     let threshold = (u64::MAX / count.max(1)).saturating_mul(SAMPLED);
     let mut sample = Sample::default();
     visit(&mut |record| {
@@ -114,7 +114,7 @@ pub(super) fn draw(
     })?;
     let mut content = Vec::new();
     let written = canvas.write_png(&mut content);
-    written.map_err(|e| JobError::io("write", Path::new("the picture"), e))?;
+    written.map_err(ViewError::Encoding)?;
     Ok(content)
 }
 
@@ -124,7 +124,7 @@ fn visit(
     record: &RecordFormat,
     quantization: Quantization,
     draw: &mut dyn FnMut(&[u8]),
-) -> Result<(), JobError> {
+) -> Result<(), ViewError> {
     let mut records = Vec::new();
     for input in inputs {
         let (all, filter) = (0..input.points_claimed, PointFilter::default());
