@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     geometry::PatchKind,
     las::{Crs, Ground, PointFilter},
-    lloyd::{Acceleration, Restriction, SeedRule, SolverOptions},
+    lloyd::{Acceleration, Restriction, SeedRule, SolverSettings},
 };
 
 /// Options of a job as written. Lengths are CRS units.
@@ -258,26 +258,13 @@ pub(crate) struct Settings {
     pub(crate) memory: Option<u64>,
     /// Worker threads.
     pub(crate) threads: usize,
-    /// Lloyd iterations.
-    pub(crate) iterations: u32,
-    /// What is done with the centroids.
-    pub(crate) acceleration: Acceleration,
-    /// Where sites start.
-    pub(crate) seeds: SeedRule,
-    /// What is fitted.
-    pub(crate) patch: PatchKind,
-    /// How far from the scan a site may go.
-    pub(crate) restriction: Restriction,
-    /// Radius of the surface fit; `None`: by the spacing.
-    pub(crate) smooth: Option<f64>,
-    /// The widest hole to close; `None`: by the spacing.
-    pub(crate) fill: Option<f64>,
+    /// How each tile is solved.
+    #[serde(flatten)]
+    pub(crate) solver: SolverSettings,
     /// Edge of square tiles; `None`: by points and memory.
     pub(crate) tile_size: Option<f64>,
     /// What a tile sees around its core; `None`: by the solver's reach.
     pub(crate) halo: Option<f64>,
-    /// Seed of every hash.
-    pub(crate) seed: u64,
     /// Which input points take part.
     pub(crate) filter: PointFilter,
     /// The CRS of all inputs; `None`: what they say.
@@ -463,20 +450,22 @@ impl Choices {
             threads: self.threads.unwrap_or_else(|| {
                 std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
             }),
-            iterations: self.iterations.unwrap_or(20),
-            acceleration: self.accelerate.unwrap_or_default(),
-            seeds: self.seeds.unwrap_or_default(),
-            patch: self.patch.unwrap_or_default(),
-            restriction: positive("--restrict", self.restrict)?
-                .map_or(Restriction::Local, Restriction::Global),
-            smooth: positive("--smooth", self.smooth)?,
-            fill: match self.fill {
-                Some(Length { value: 0.0, .. }) => Some(0.0),
-                fill => positive("--fill", fill)?,
+            solver: SolverSettings {
+                iterations: self.iterations.unwrap_or(20),
+                acceleration: self.accelerate.unwrap_or_default(),
+                seeds: self.seeds.unwrap_or_default(),
+                patch: self.patch.unwrap_or_default(),
+                restriction: positive("--restrict", self.restrict)?
+                    .map_or(Restriction::Local, Restriction::Global),
+                smooth: positive("--smooth", self.smooth)?,
+                fill: match self.fill {
+                    Some(Length { value: 0.0, .. }) => Some(0.0),
+                    fill => positive("--fill", fill)?,
+                },
+                seed: self.seed.unwrap_or(0),
             },
             tile_size: positive("--tile-size", self.tile_size)?,
             halo: positive("--halo", self.halo)?,
-            seed: self.seed.unwrap_or(0),
             filter: self.filter()?,
             crs: self.crs()?,
             color: self.color.unwrap_or_default(),
@@ -489,33 +478,6 @@ impl Choices {
             },
             output_tiles: positive("--output-tiles", self.output_tiles)?,
         })
-    }
-}
-
-impl Settings {
-    /// What the solver is asked for at `spacing`, if about `seeds_per_point`
-    /// points are to come out for each of the input's.
-    pub(crate) fn solver(&self, spacing: f64, seeds_per_point: f64) -> SolverOptions {
-        let defaults = SolverOptions::new(spacing);
-        // Holes are a few spacings wide: of the output, or of the scan where that
-        // is coarser.
-        let scan_is_coarser = seeds_per_point.max(1.0).sqrt();
-        SolverOptions {
-            fill: self.fill.unwrap_or(defaults.fill * scan_is_coarser),
-            fit_radius: self.smooth.unwrap_or(f64::MAX).min(defaults.fit_radius),
-            smooth: self
-                .smooth
-                .filter(|&r| r > defaults.fit_radius)
-                .unwrap_or(0.0),
-            iterations: self.iterations,
-            seeds: self.seeds,
-            seeds_per_point,
-            acceleration: self.acceleration,
-            patch: self.patch,
-            restriction: self.restriction,
-            seed: self.seed,
-            ..defaults
-        }
     }
 }
 
@@ -558,7 +520,7 @@ mod tests {
         let choices = parsed("spacing = \"0.2ft\"\nfill = 3");
         let settings = choices.settings(Some(1.0)).unwrap();
         assert_eq!(settings.target, Target::Spacing(0.2 * 0.3048));
-        assert_eq!(settings.fill, Some(3.0));
+        assert_eq!(settings.solver.fill, Some(3.0));
         let settings = choices.settings(Some(0.3048)).unwrap();
         assert_eq!(settings.target, Target::Spacing(0.2));
         let error = choices.settings(None).unwrap_err().to_string();

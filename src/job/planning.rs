@@ -52,7 +52,9 @@ pub(crate) struct JobPlan {
 impl JobPlan {
     /// How the tiles are solved, as `settings` have it.
     pub(super) fn options(&self, settings: &Settings) -> SolverOptions {
-        settings.solver(self.spacing, self.points_out as f64 / self.points as f64)
+        settings
+            .solver
+            .at(self.spacing, self.points_out as f64 / self.points as f64)
     }
 }
 

@@ -288,7 +288,7 @@ impl Job {
         };
         let (spacing, points_out) = planning.spacing(progress)?;
         let seeds_per_point = points_out as f64 / spill.points() as f64;
-        let options = self.settings.solver(spacing, seeds_per_point);
+        let options = self.settings.solver.at(spacing, seeds_per_point);
         let plan = planning.tiles(&options, points_out, progress)?;
         clock.stop("plan");
         Ok((survey, spill, options, plan))

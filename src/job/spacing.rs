@@ -87,7 +87,7 @@ pub(super) fn for_count(
         .clamp(4.0 * quantization.scale, extent);
 
     let seeds_per_point = count as f64 / spill.points() as f64;
-    let options = settings.solver(guess, seeds_per_point);
+    let options = settings.solver.at(guess, seeds_per_point);
     let sample = Sample::of(spill, quantization, &options, VOXEL_POINTS)?;
     let in_voxels = SEEDS_PER_VOXEL * sample.voxels() * sample.weight;
     let by_voxels = guess * (in_voxels / count as f64).sqrt();
@@ -103,7 +103,7 @@ pub(super) fn for_count(
         .collect();
     let mut asks_all = false;
     for number in 0..TRIES {
-        let options = settings.solver(spacing, seeds_per_point);
+        let options = settings.solver.at(spacing, seeds_per_point);
         let error = |elected| (sample.seeds(elected) / count as f64).ln();
         let mut elected = sample.elect(&first, &options)?;
         if !asks_all && error(elected).abs() <= NEARLY {
@@ -167,7 +167,7 @@ pub(super) fn expected(
     spacing: f64,
 ) -> Result<f64, JobError> {
     let about = plane_seeds(spill, quantization, spacing);
-    let options = settings.solver(spacing, about / spill.points() as f64);
+    let options = settings.solver.at(spacing, about / spill.points() as f64);
     let sample = Sample::of(spill, quantization, &options, EXPECTED_POINTS)?;
     Ok(sample.seeds(sample.elect(&sample.choose(ROUGH), &options)?))
 }
