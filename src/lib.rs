@@ -63,6 +63,7 @@ mod quality;
 mod report;
 #[cfg(feature = "formats")]
 mod simulate;
+mod spacing;
 #[cfg(feature = "formats")]
 mod tile;
 mod tiling;

@@ -17,6 +17,7 @@ use crate::{
     geometry::PatchKind,
     las::{Crs, Ground, PointFilter},
     lloyd::{Acceleration, Restriction, SeedRule, SolverSettings},
+    spacing::Target,
 };
 
 /// Options of a job as written. Lengths are CRS units.
@@ -235,18 +236,6 @@ pub(crate) enum ConfigError {
         /// How many were given.
         given: usize,
     },
-}
-
-/// How dense the output is to be.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum Target {
-    /// This far apart (CRS units).
-    Spacing(f64),
-    /// About so many points.
-    Count(u64),
-    /// About this share of the input's points.
-    Ratio(f64),
 }
 
 /// Options of a job as meant. Lengths are CRS units.

@@ -3,8 +3,9 @@
 use super::JobError;
 use crate::{
     geometry::{Quantization, Rect, Stored},
-    lloyd::{Scan, SolverOptions},
+    lloyd::SolverOptions,
     tile::Spill,
+    tiling::CountedCloud,
 };
 
 /// The points of `spill` in `rect`, all of them or, if they are more than `crowd`,
@@ -17,18 +18,11 @@ pub(super) fn gather_points(
     options: &SolverOptions,
     crowd: u64,
 ) -> Result<Vec<Stored>, JobError> {
-    let mut points: Vec<Stored> = Vec::new();
-    let mut most = crowd as usize;
-    spill.gather_each(
+    Ok(CountedCloud::gather(
+        spill,
         rect,
-        |found: &mut Vec<Stored>, record| found.push(Stored::of_record(record)),
-        |found| {
-            points.extend(found);
-            if points.len() > most {
-                points = Scan::thinned(std::mem::take(&mut points), quantization, options);
-                most = most.max(2 * points.len());
-            }
-        },
-    )?;
-    Ok(points)
+        quantization,
+        options,
+        crowd,
+    )?)
 }

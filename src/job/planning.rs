@@ -12,13 +12,14 @@ use super::{
     gathering::gather_points,
     memory::{Budget, bytes_of, mebibytes, points_for},
     running::Job,
-    spacing,
+    spacing::refusal,
     transfer::Transfer,
 };
 use crate::{
-    config::{Settings, Target},
+    config::Settings,
     geometry::{Quantization, Rect},
     lloyd::{AREA_PER_SEED, Scan, SolverOptions},
+    spacing::resolve,
     tile::{CellKey, Plan, PlanOptions, Spill, Square},
 };
 
@@ -86,39 +87,8 @@ impl Planning<'_> {
         }
         let (spill, settings) = (self.spill, &self.job.settings);
         let quantization = &self.survey.quantization;
-        let extent = spill.bounds().extent() as f64 * quantization.scale;
-        let found = match settings.target {
-            Target::Spacing(spacing) => {
-                // Points that are all at one place are one point, at any spacing.
-                if extent > 0.0 && spacing > extent / 2.0 {
-                    return Err(JobError::Refused(format!(
-                        "--spacing {spacing} is too wide for this scan, which is {extent:.3} across \
-                         (in CRS units): give less than half of that"
-                    )));
-                }
-                if spacing < 2.0 * quantization.scale {
-                    return Err(JobError::Refused(format!(
-                        "--spacing {spacing} is finer than coordinates on a scale of {} can tell; \
-                         give at least {}",
-                        quantization.scale,
-                        2.0 * quantization.scale
-                    )));
-                }
-                let seeds = spacing::expected(spill, quantization, settings, spacing)?;
-                (spacing, seeds.round() as u64)
-            }
-            Target::Count(count) => (
-                spacing::for_count(spill, quantization, settings, count)?,
-                count,
-            ),
-            Target::Ratio(ratio) => {
-                let count = ((spill.points() as f64 * ratio).round() as u64).max(1);
-                (
-                    spacing::for_count(spill, quantization, settings, count)?,
-                    count,
-                )
-            }
-        };
+        let found = resolve(spill, quantization, &settings.solver, settings.target);
+        let found = found.map_err(refusal)?;
         progress.note(&format!(
             "spacing {:.4}, about {} points out of {}",
             found.0,

@@ -11,6 +11,7 @@
 //! The only place with temporary files. Records are opaque here but for their
 //! first twelve bytes: x, y, z as stored, little endian.
 
+mod counted;
 mod gather;
 mod growing;
 mod pack;

@@ -1,0 +1,98 @@
+//! One global spacing, from a spacing, a count or a ratio.
+//!
+//! How many sites a spacing gives depends on the surfaces, which nobody knows beforehand. So it is
+//! estimated: seeds are elected in parts of the cloud, and the spacing is changed until the estimate meets
+//! the count. Which parts these are depends on the cloud alone, not on tiles, threads or memory.
+
+mod sample;
+mod search;
+
+use serde::{Deserialize, Serialize};
+
+pub(crate) use search::{estimated_count, spacing_for_count};
+
+use crate::{
+    geometry::Quantization,
+    lloyd::{AREA_PER_SEED, SolverSettings},
+    tiling::CountedCloud,
+};
+
+/// How dense the output is to be.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum Target {
+    /// Distance between neighbouring points of an even cloud (CRS units).
+    Spacing(f64),
+    /// Approximate number of output points.
+    Count(u64),
+    /// Approximate number of output points for each input point.
+    Ratio(f64),
+}
+
+/// Why no spacing can be given. Lengths are CRS units.
+#[derive(Debug)]
+pub(crate) enum SpacingError<E> {
+    /// The spacing is more than half of what the cloud measures along its longest axis.
+    TooWide { spacing: f64, extent: f64 },
+    /// The spacing is less than two steps of the quantization.
+    TooFine { spacing: f64, scale: f64 },
+    /// The count is more than [`MAX_SITES_PER_POINT`] for each point of the cloud.
+    TooMany { count: u64, points: u64 },
+    /// All points are equal, so that no spacing meets a count.
+    AllEqual,
+    /// The surfaces do not carry the count: at `spacing` there are approximately `reached` sites, and
+    /// a smaller spacing does not give more.
+    CannotCarry {
+        count: u64,
+        spacing: f64,
+        reached: f64,
+    },
+    /// A part of the cloud could not be gathered.
+    Gather(E),
+}
+
+/// More sites than this for each point of the scan would hardly stand where something was scanned.
+pub(crate) const MAX_SITES_PER_POINT: u64 = 16;
+
+/// The spacing that `target` asks for, and the approximate number of sites that it gives.
+///
+/// # Errors
+///
+/// See [`SpacingError`].
+pub(crate) fn resolve<C: CountedCloud>(
+    cloud: &C,
+    quantization: &Quantization,
+    settings: &SolverSettings,
+    target: Target,
+) -> Result<(f64, u64), SpacingError<C::Error>> {
+    let for_count = |count| {
+        Ok((
+            spacing_for_count(cloud, quantization, settings, count)?,
+            count,
+        ))
+    };
+    match target {
+        Target::Spacing(spacing) => {
+            let extent = cloud.bounds().extent() as f64 * quantization.scale;
+            // Points that are all equal are one point, at any spacing.
+            if extent > 0.0 && spacing > extent / 2.0 {
+                return Err(SpacingError::TooWide { spacing, extent });
+            }
+            let scale = quantization.scale;
+            if spacing < 2.0 * scale {
+                return Err(SpacingError::TooFine { spacing, scale });
+            }
+            let count = estimated_count(cloud, quantization, settings, spacing)?;
+            Ok((spacing, count.round() as u64))
+        }
+        Target::Count(count) => for_count(count),
+        Target::Ratio(ratio) => for_count(((cloud.points() as f64 * ratio).round() as u64).max(1)),
+    }
+}
+
+/// Number of sites for which the occupied part of the plane has room at `spacing`, and half as many again
+/// for what stands upright.
+fn sites_of_the_plane(cloud: &impl CountedCloud, quantization: &Quantization, spacing: f64) -> f64 {
+    let square = (cloud.square_edge() as f64 * quantization.scale).powi(2);
+    1.5 * cloud.squares().count() as f64 * square / (AREA_PER_SEED * spacing * spacing)
+}

@@ -1,0 +1,219 @@
+//! The search for the spacing that gives a count of sites.
+//!
+//! The logarithm of the count falls nearly linearly with that of the spacing: by 2 on a plane, by less where
+//! the scan is sparse. So the search is a secant method on logarithms. A quarter of the drawn parts is
+//! tried first; the others are asked only where that quarter comes near the count.
+
+use super::{
+    MAX_SITES_PER_POINT, SpacingError,
+    sample::{DrawnPart, Parts, SampleSize},
+    sites_of_the_plane,
+};
+use crate::{geometry::Quantization, lloyd::SolverSettings, tiling::CountedCloud};
+
+/// Points whose voxels are counted to meet a count.
+const POINTS_FOR_COUNT: u64 = 30_000_000;
+/// Points whose voxels are counted to estimate what a spacing gives.
+const POINTS_FOR_ESTIMATE: u64 = 3_000_000;
+/// Parts in which seeds are elected to estimate what a spacing gives.
+const ESTIMATE_SAMPLE: SampleSize = SampleSize {
+    parts: 12.0,
+    share: 0.04,
+};
+/// Parts in which seeds are elected to meet a count. Of four counts on three scans the spacing came out
+/// within 0.2 % of what all parts give, within 0.4 % with half as many parts again.
+const COUNT_SAMPLE: SampleSize = SampleSize {
+    parts: 40.0,
+    share: 0.2,
+};
+/// One in this many drawn parts is asked first, and the others only where it comes near the count.
+const FIRST_PART_IN: usize = 4;
+/// Trials with the first parts alone.
+const FIRST_TRIALS: u32 = 3;
+/// Most trials; three are usual.
+const MAX_TRIALS: u32 = 12;
+/// Error of the logarithm of the count below which the spacing is taken.
+const TOLERANCE: f64 = 0.004;
+/// Error below which the spacing is corrected and not tried again: over so short a way the count is a power
+/// of the spacing.
+const CORRECTABLE: f64 = 0.08;
+/// Error of the first parts below which the next trial asks all.
+const NEAR_FOR_FIRST_PARTS: f64 = 0.3;
+/// Error at which the surfaces are said not to carry the count.
+const NOT_CARRIED: f64 = -0.05;
+/// Sites for each occupied voxel of the spacing's edge, approximately: 0.77 on planes at all angles, 1.15 on
+/// planes along the axes.
+const SITES_PER_VOXEL: f64 = 0.9;
+/// The slope on a plane, where the count is proportional to the inverse square of the spacing.
+const SLOPE_OF_A_PLANE: f64 = -2.0;
+
+/// The estimated number of sites that `cloud` gives at `spacing` (CRS units).
+///
+/// # Errors
+///
+/// [`SpacingError::Gather`] if a part of the cloud cannot be gathered.
+pub(crate) fn estimated_count<C: CountedCloud>(
+    cloud: &C,
+    quantization: &Quantization,
+    settings: &SolverSettings,
+    spacing: f64,
+) -> Result<f64, SpacingError<C::Error>> {
+    let guess = sites_of_the_plane(cloud, quantization, spacing);
+    let options = settings.at(spacing, guess / cloud.points() as f64);
+    let parts = Parts::count(cloud, quantization, &options, POINTS_FOR_ESTIMATE);
+    let parts = parts.map_err(SpacingError::Gather)?;
+    let counts = parts.elect(&parts.draw(ESTIMATE_SAMPLE), &options);
+    Ok(parts.seeds(counts.map_err(SpacingError::Gather)?))
+}
+
+/// The spacing (CRS units) at which `cloud` gives approximately `count` sites.
+///
+/// # Errors
+///
+/// [`SpacingError::TooMany`], [`SpacingError::AllEqual`] and [`SpacingError::CannotCarry`] if there is no such
+/// spacing, [`SpacingError::Gather`] if a part of the cloud cannot be gathered.
+pub(crate) fn spacing_for_count<C: CountedCloud>(
+    cloud: &C,
+    quantization: &Quantization,
+    settings: &SolverSettings,
+    count: u64,
+) -> Result<f64, SpacingError<C::Error>> {
+    let points = cloud.points();
+    if count > MAX_SITES_PER_POINT * points {
+        return Err(SpacingError::TooMany { count, points });
+    }
+    let extent = cloud.bounds().extent() as f64 * quantization.scale;
+    if extent == 0.0 {
+        return Err(SpacingError::AllEqual);
+    }
+    // A first guess by the occupied squares, a second by the voxels that the guess makes.
+    let scale = quantization.scale;
+    let guess = (sites_of_the_plane(cloud, quantization, 1.0) / count as f64)
+        .sqrt()
+        .clamp(4.0 * scale, extent);
+    let sites_per_point = count as f64 / points as f64;
+    let options = settings.at(guess, sites_per_point);
+    let parts = Parts::count(cloud, quantization, &options, POINTS_FOR_COUNT);
+    let parts = parts.map_err(SpacingError::Gather)?;
+    let by_voxels = guess * (parts.sites(SITES_PER_VOXEL) / count as f64).sqrt();
+
+    let drawn = parts.draw(COUNT_SAMPLE);
+    let search = Search {
+        first: drawn.iter().copied().step_by(FIRST_PART_IN).collect(),
+        others: drawn
+            .chunks(FIRST_PART_IN)
+            .flat_map(|few| &few[1..])
+            .copied()
+            .collect(),
+        parts,
+        settings,
+        count: count as f64,
+        sites_per_point,
+        range: [scale, 2.0 * extent],
+    };
+    search.run(by_voxels)
+}
+
+/// What stays the same from trial to trial.
+struct Search<'a, C> {
+    parts: Parts<'a, C>,
+    first: Vec<DrawnPart>,
+    others: Vec<DrawnPart>,
+    settings: &'a SolverSettings,
+    count: f64,
+    sites_per_point: f64,
+    /// The least and the largest spacing.
+    range: [f64; 2],
+}
+
+/// A spacing that was tried.
+#[derive(Clone, Copy)]
+struct Trial {
+    log_spacing: f64,
+    /// The logarithm of the estimated count over the one that is asked for.
+    error: f64,
+}
+
+impl<C: CountedCloud> Search<'_, C> {
+    /// Tries spacings, beginning with `start`, until the count is met.
+    fn run(&self, start: f64) -> Result<f64, SpacingError<C::Error>> {
+        let [least, most] = self.range;
+        let mut spacing = start.clamp(least, most);
+        let mut trials: Vec<Trial> = Vec::new();
+        let mut slope = SLOPE_OF_A_PLANE;
+        let mut all_parts = false;
+        for number in 0..MAX_TRIALS {
+            let (error, were_all) = self.error(spacing, all_parts)?;
+            if were_all && !all_parts {
+                // The trials of the first parts say nothing of the errors of all.
+                all_parts = true;
+                trials.clear();
+            }
+            if all_parts && error.abs() <= TOLERANCE {
+                return Ok(spacing);
+            }
+            let log_spacing = spacing.ln();
+            trials.push(Trial { log_spacing, error });
+            slope = slope_of(&trials).unwrap_or(slope);
+            let next = (log_spacing - error / slope).exp().clamp(least, most);
+            if all_parts && error.abs() <= CORRECTABLE {
+                return Ok(next);
+            }
+            if !all_parts && (error.abs() <= NEAR_FOR_FIRST_PARTS || number + 1 == FIRST_TRIALS) {
+                // The slope of the first parts holds for all parts, too.
+                all_parts = true;
+                trials.clear();
+            }
+            spacing = next;
+        }
+        self.best_of(&trials, spacing)
+    }
+
+    /// The error of the count at `spacing`, by the first parts or, if `all_parts` or the first parts are
+    /// near, by all; and whether it is by all.
+    fn error(&self, spacing: f64, all_parts: bool) -> Result<(f64, bool), SpacingError<C::Error>> {
+        let options = self.settings.at(spacing, self.sites_per_point);
+        let error = |sample| (self.parts.seeds(sample) / self.count).ln();
+        let elect = |drawn: &[DrawnPart]| {
+            let counts = self.parts.elect(drawn, &options);
+            counts.map_err(SpacingError::Gather)
+        };
+        let mut counts = elect(&self.first)?;
+        let all_parts = all_parts || error(counts).abs() <= CORRECTABLE;
+        if all_parts {
+            counts = counts.and(elect(&self.others)?);
+        }
+        Ok((error(counts), all_parts))
+    }
+
+    /// The best of `trials`, none of which met the count.
+    fn best_of(&self, trials: &[Trial], last: f64) -> Result<f64, SpacingError<C::Error>> {
+        let best = trials
+            .iter()
+            .min_by(|a, b| a.error.abs().total_cmp(&b.error.abs()));
+        let Some(best) = best else {
+            return Ok(last.ln().exp());
+        };
+        let spacing = best.log_spacing.exp();
+        if best.error < NOT_CARRIED {
+            return Err(SpacingError::CannotCarry {
+                count: self.count as u64,
+                spacing,
+                reached: self.count * best.error.exp(),
+            });
+        }
+        Ok(spacing)
+    }
+}
+
+/// The slope of the logarithm of the count over that of the spacing, by the last two trials.
+fn slope_of(trials: &[Trial]) -> Option<f64> {
+    match trials {
+        [.., before, last] if (last.log_spacing - before.log_spacing).abs() > 1e-9 => {
+            let slope = (last.error - before.error) / (last.log_spacing - before.log_spacing);
+            // The count falls as the spacing grows; anything else is noise of the sample.
+            Some(slope.clamp(-3.0, -0.5))
+        }
+        _ => None,
+    }
+}
