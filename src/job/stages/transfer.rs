@@ -7,7 +7,7 @@ use std::collections::{HashMap, HashSet};
 
 use rayon::prelude::*;
 
-use super::{JobError, solving::FARTHEST};
+use crate::job::{JobError, solving::FARTHEST};
 use crate::{
     config::{ClassRule, ColorRule, Computed, Settings},
     geometry::{AT_ONCE, Local, NeighborGrid, Rect, Stored},
@@ -18,7 +18,7 @@ use crate::{
 
 /// How records of the output come about.
 #[derive(Clone, Debug)]
-pub(super) struct Transfer {
+pub(crate) struct Transfer {
     color: ColorRule,
     class: ClassRule,
     /// What is added, and where in the record each of its numbers goes.
@@ -54,7 +54,7 @@ struct Found {
 
 impl Transfer {
     /// The transfer from records like `scanned`, as `settings` have it.
-    pub(super) fn new(scanned: &RecordFormat, settings: &Settings) -> Self {
+    pub(crate) fn new(scanned: &RecordFormat, settings: &Settings) -> Self {
         let mut record = scanned.clone();
         let computed = settings
             .with
@@ -77,7 +77,7 @@ impl Transfer {
     }
 
     /// The format of the output's records.
-    pub(super) fn record(&self) -> &RecordFormat {
+    pub(crate) fn record(&self) -> &RecordFormat {
         &self.record
     }
 
@@ -93,7 +93,7 @@ impl Transfer {
     ///
     /// Of points at one place the one with the smallest record stands for all, whatever
     /// the order in which they were read.
-    pub(super) fn records(
+    pub(crate) fn records(
         &self,
         spill: &Spill,
         scan: &Scan,

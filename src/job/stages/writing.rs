@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{JobError, Progress, solving::BAND, tiles::SolvedTiles};
+use crate::job::{JobError, Progress, solving::BAND, tiles::SolvedTiles};
 use crate::{
     geometry::{Local, NeighborGrid, Quantization, Rect, Stored},
     las::{CloudWriter, move_to},
@@ -46,7 +46,7 @@ fn adjacent<'a>(plan: &'a Plan, tile: &'a Tile, reach: i64) -> impl Iterator<Ite
 
 /// Settles the sites of every tile; the records of each tile, moved to where
 /// they are written, replace its own.
-pub(super) fn settle(
+pub(crate) fn settle(
     plan: &Plan,
     tiles: &SolvedTiles,
     settled: &mut SettledTiles,
@@ -84,7 +84,7 @@ pub(super) fn settle(
 /// Writes the settled tiles, in the order of the plan, and measures the
 /// distances between their points, across seams as elsewhere.
 #[expect(clippy::too_many_arguments, reason = "the job's parts, each used once")]
-pub(super) fn write(
+pub(crate) fn write(
     plan: &Plan,
     settled: &SettledTiles,
     quantization: &Quantization,
