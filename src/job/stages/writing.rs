@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::job::{JobError, Progress, solving::BAND, tiles::SolvedTiles};
 use crate::{
     geometry::{Local, NeighborGrid, Quantization, Rect, Stored},
-    las::{CloudWriter, move_to},
+    las::{CloudWriter, RecordView},
     quality::UniformityTally,
     tile::{Guest, Plan, SeamTally, SettledTiles, Tile, blend},
     views::Field,
@@ -73,7 +73,7 @@ pub(crate) fn settle(
             let place = quantization
                 .stored(place)
                 .unwrap_or_else(|| Stored::of_record(record));
-            move_to(record, place);
+            RecordView::new(record).move_to(place);
         }
         settled.add(tile.id, &own.records)?;
         progress.advance(1);
