@@ -6,7 +6,7 @@ use crate::{
     config::{Choices, Count, Length},
     geometry::Quantization,
     job::{Job, JobError, default_directory},
-    las::{CloudHeader, CloudWriter, Format, RecordFormat, Workspace},
+    las::{CloudHeader, CloudWriter, Format, RecordFormat, RecordView, Workspace, standard_length},
     report::REPORT_PAGE,
     simulate::{SimulatedPoint, Street, StreetOptions},
 };
@@ -134,7 +134,7 @@ fn write_street(street: &Street, passes: u32, dir: &Path) -> Result<Vec<(PathBuf
     })?;
     let header = CloudHeader {
         record: RecordFormat {
-            point_format: 7,
+            point_format: SCAN_FORMAT,
             extra_bytes: Vec::new(),
         },
         quantization: Quantization {
@@ -181,24 +181,25 @@ fn write_street(street: &Street, passes: u32, dir: &Path) -> Result<Vec<(PathBuf
         .collect()
 }
 
-/// A return as a record of format 7.
-fn record(point: &SimulatedPoint, quantization: &Quantization) -> [u8; 36] {
-    let mut record = [0; 36];
-    let place = quantization
+/// The point format of simulated scans: it has GPS time and colour.
+const SCAN_FORMAT: u8 = 7;
+
+/// A return as a record of [`SCAN_FORMAT`].
+fn record(
+    point: &SimulatedPoint,
+    quantization: &Quantization,
+) -> [u8; standard_length(SCAN_FORMAT)] {
+    let position = quantization
         .quantise(point.position)
         .expect("a street of 1000 km is within two million metres of its start");
-    for (at, c) in [place.x, place.y, place.z].into_iter().enumerate() {
-        record[4 * at..4 * at + 4].copy_from_slice(&c.to_le_bytes());
-    }
-    record[12..14].copy_from_slice(&point.intensity.to_le_bytes());
-    record[14] = 0x11;
-    record[16] = point.class;
-    let angle = (point.angle / 0.006).round() as i16;
-    record[18..20].copy_from_slice(&angle.to_le_bytes());
-    record[20..22].copy_from_slice(&point.pass.to_le_bytes());
-    record[22..30].copy_from_slice(&point.gps_time.to_le_bytes());
-    for (at, c) in point.color.into_iter().enumerate() {
-        record[30 + 2 * at..32 + 2 * at].copy_from_slice(&c.to_le_bytes());
-    }
-    record
+    let mut record = RecordView::new([0; standard_length(SCAN_FORMAT)]);
+    record.set_position(position);
+    record.set_intensity(point.intensity);
+    record.set_single_return();
+    record.set_classification(point.class);
+    record.set_scan_angle(point.angle);
+    record.set_point_source(point.pass);
+    record.set_gps_time(point.gps_time);
+    record.set_color(point.color);
+    record.into_bytes()
 }

@@ -38,22 +38,6 @@ impl Stored {
         let [x, y, z] = [self.x, self.y, self.z].map(|c| u64::from(c as u32));
         spread(spread(x << 32 | y) ^ z)
     }
-
-    /// The point that begins `record`: x, y, z, little endian.
-    ///
-    /// # Panics
-    ///
-    /// If the record is shorter than twelve bytes.
-    pub fn of_record(record: &[u8]) -> Self {
-        let coordinate = |at: usize| {
-            i32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]])
-        };
-        Self {
-            x: coordinate(0),
-            y: coordinate(4),
-            z: coordinate(8),
-        }
-    }
 }
 
 /// The run's one scale and offset: world = offset + scale × stored.

@@ -7,34 +7,23 @@
 //! Each stage leaves files in the job directory that the next one reads, and
 //! that a later run of the same job finds: what is done is not done again.
 
-mod clock;
 mod cluster;
 mod directory;
-mod disk;
 mod error;
-mod forecast;
-mod gathering;
-
 mod measure;
-mod memory;
 mod outcome;
-mod planning;
 mod progress;
-mod provenance;
-mod queue;
+mod resources;
 mod running;
-mod scattering;
-mod scratch;
 
-mod solving;
 mod spacing;
-mod stamps;
+mod stages;
 
-mod survey;
-
-mod tiles;
-mod transfer;
-mod writing;
+use directory::{room as disk, scratch, stamps, tiles};
+use resources::{clock, forecast, memory};
+use stages::{
+    gathering, planning, provenance, queue, scattering, solving, survey, transfer, writing,
+};
 
 pub(crate) use clock::{ResourceSample, StageCost};
 pub(crate) use cluster::{JobStatus, Worker};

@@ -22,7 +22,7 @@ use laz::{
 use rayon::prelude::*;
 
 use super::{
-    RecordFormat,
+    RecordFormat, RecordView,
     octree::{NodeKey, Octree},
 };
 use crate::{
@@ -353,7 +353,7 @@ impl<W: Write + Seek + Send> Nodes<W> {
 
 /// The GPS time of a record.
 fn time(record: &[u8]) -> f64 {
-    f64::from_le_bytes(record[22..30].try_into().expect("eight bytes were taken"))
+    RecordView::new(record).gps_time()
 }
 
 /// Records by their time, and of one time by all that they are.

@@ -7,8 +7,7 @@ use geojson::GeoJson;
 use serde::{Deserialize, Serialize};
 use wkt::TryFromWkt;
 
-/// Withheld, among the flags of a record.
-const WITHHELD: u8 = 1 << 2;
+use super::RecordView;
 
 /// A condition on points; by default all fulfil it. Places are in the CRS of the data.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -131,14 +130,15 @@ impl PointFilter {
 
     /// Whether the point of `record`, in the run's format, at `world` takes part.
     pub(super) fn keeps(&self, record: &[u8], world: &[f64; 3]) -> bool {
-        let class = record[16];
+        let record = RecordView::new(record);
+        let class = record.classification();
         let has_class = self
             .keep_classes
             .as_ref()
             .is_none_or(|k| k.contains(&class))
             && !self.drop_classes.contains(&class);
         has_class
-            && !(self.drop_withheld && record[15] & WITHHELD != 0)
+            && !(self.drop_withheld && record.is_withheld())
             && self.bounds.is_none_or(|sides| is_within(world, &sides))
             && self.polygons.as_ref().is_none_or(|ground| {
                 let place = Coord {
@@ -168,11 +168,12 @@ fn is_within(world: &[f64; 3], [west, south, east, north]: &[f64; 4]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::las::format::record::{CLASSIFICATION, FLAGS, WITHHELD};
 
     fn record(class: u8, flags: u8) -> [u8; 30] {
         let mut record = [0; 30];
-        record[15] = flags;
-        record[16] = class;
+        record[FLAGS] = flags;
+        record[CLASSIFICATION] = class;
         record
     }
 

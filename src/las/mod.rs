@@ -12,6 +12,7 @@ mod decoding;
 #[cfg(feature = "e57")]
 mod e57;
 mod filter;
+mod format;
 mod guard;
 mod header;
 mod headerless;
@@ -27,12 +28,13 @@ mod writing;
 pub(crate) use ::las::Vlr;
 pub(crate) use crs::Crs;
 pub(crate) use filter::{Ground, PointFilter};
+pub(crate) use format::record::{AveragedField, RealAttribute, RecordView, standard_length};
 pub(crate) use guard::is_decoding;
 pub(crate) use inputs::expand_inputs;
 pub use ply::PlyFile;
 pub use ply::PlyStream;
 pub(crate) use reading::{InputFile, PointStream};
-pub(crate) use record::{DisplayAttributes, move_to};
+pub(crate) use record::DisplayAttributes;
 pub(crate) use record::{ExtraByte, RecordFormat};
 pub(crate) use writing::{CloudHeader, CloudWriter, CompleteCloud, Format, Workspace};
 

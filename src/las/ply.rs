@@ -11,7 +11,13 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::{Crs, ExtraByte, LasError, record::standard_length};
+use super::{
+    Crs, ExtraByte, LasError,
+    format::record::{
+        CLASSIFICATION, COLOR, FLAGS, GPS_TIME, INTENSITY, NEAR_INFRARED, POINT_SOURCE, SCAN_ANGLE,
+        USER_DATA, standard_length,
+    },
+};
 
 /// A polygon file whose header was read.
 #[derive(Clone, Debug)]
@@ -450,17 +456,23 @@ impl PlyLayout {
                     places[usize::from(name.as_bytes()[0] - b'x')] = column;
                     None
                 }
-                "red" => Some((30, Scalar::Uint(2), sixteen_bits)),
-                "green" if point_format > 6 => Some((32, Scalar::Uint(2), sixteen_bits)),
-                "blue" if point_format > 6 => Some((34, Scalar::Uint(2), sixteen_bits)),
-                "nir" => Some((36, Scalar::Uint(2), sixteen_bits)),
-                "intensity" if is_small => Some((12, Scalar::Uint(2), 1.0)),
-                "flags" if *kind == Scalar::Uint(1) => Some((15, Scalar::Uint(1), 1.0)),
-                "classification" if *kind == Scalar::Uint(1) => Some((16, Scalar::Uint(1), 1.0)),
-                "user_data" if *kind == Scalar::Uint(1) => Some((17, Scalar::Uint(1), 1.0)),
-                "scan_angle" if *kind == Scalar::Int(2) => Some((18, Scalar::Int(2), 1.0)),
-                "point_source_id" if is_small => Some((20, Scalar::Uint(2), 1.0)),
-                "gps_time" => Some((22, Scalar::Float(8), 1.0)),
+                "red" => Some((COLOR[0].start, Scalar::Uint(2), sixteen_bits)),
+                "green" if point_format > 6 => {
+                    Some((COLOR[1].start, Scalar::Uint(2), sixteen_bits))
+                }
+                "blue" if point_format > 6 => Some((COLOR[2].start, Scalar::Uint(2), sixteen_bits)),
+                "nir" => Some((NEAR_INFRARED.start, Scalar::Uint(2), sixteen_bits)),
+                "intensity" if is_small => Some((INTENSITY.start, Scalar::Uint(2), 1.0)),
+                "flags" if *kind == Scalar::Uint(1) => Some((FLAGS, Scalar::Uint(1), 1.0)),
+                "classification" if *kind == Scalar::Uint(1) => {
+                    Some((CLASSIFICATION, Scalar::Uint(1), 1.0))
+                }
+                "user_data" if *kind == Scalar::Uint(1) => Some((USER_DATA, Scalar::Uint(1), 1.0)),
+                "scan_angle" if *kind == Scalar::Int(2) => {
+                    Some((SCAN_ANGLE.start, Scalar::Int(2), 1.0))
+                }
+                "point_source_id" if is_small => Some((POINT_SOURCE.start, Scalar::Uint(2), 1.0)),
+                "gps_time" => Some((GPS_TIME.start, Scalar::Float(8), 1.0)),
                 _ => {
                     let at = end;
                     end += kind.bytes();

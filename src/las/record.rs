@@ -21,8 +21,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{InputFile, LasError};
-use crate::geometry::{Quantization, Stored};
+use super::{
+    InputFile, LasError,
+    format::record::{AveragedField, RealAttribute, RecordView, scan_angle_units, standard_length},
+};
+use crate::geometry::Quantization;
 
 /// An extra-bytes attribute.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -158,14 +161,14 @@ impl RecordFormat {
         })
     }
 
-    /// Adds an extra-bytes attribute of a real number (32 bits), unless there is one of
-    /// that name and type already; where in a record it is.
-    pub(crate) fn add_real(&mut self, name: &str, description: &str) -> usize {
+    /// Adds an extra-bytes attribute of 32-bit reals, unless there is one of that name and
+    /// type already, and returns the attribute.
+    pub(crate) fn add_real(&mut self, name: &str, description: &str) -> RealAttribute {
         const REAL: u8 = 9;
         let mut at = self.standard_length();
         for known in self.described() {
             if known.name == name && known.descriptor[2] == REAL {
-                return at;
+                return RealAttribute::at(at);
             }
             at += known.length;
         }
@@ -173,7 +176,7 @@ impl RecordFormat {
         let text = description.as_bytes();
         added.descriptor[160..160 + text.len()].copy_from_slice(text);
         self.extra_bytes.insert(self.described().count(), added);
-        at
+        RealAttribute::at(at)
     }
 
     /// The extra bytes that a record describes.
@@ -203,32 +206,15 @@ impl RecordFormat {
         self.standard_length() + self.extra_length()
     }
 
+    /// The fields of the records that can be averaged: the first of [`AveragedField::ALL`].
+    pub(crate) fn averaged_fields(&self) -> &'static [AveragedField] {
+        AveragedField::of_format(self.point_format)
+    }
+
     /// Whether records have colour.
     pub(crate) fn has_color(&self) -> bool {
         self.point_format >= 7
     }
-}
-
-/// Length of a record of `point_format` (6, 7 or 8) without extra bytes.
-pub(super) fn standard_length(point_format: u8) -> usize {
-    match point_format {
-        6 => 30,
-        7 => 36,
-        _ => 38,
-    }
-}
-
-/// Moves the point of `record` to `place`, as a point that no pulse returned:
-/// return 1 of 1.
-///
-/// # Panics
-///
-/// If the record is shorter than the standard's.
-pub(crate) fn move_to(record: &mut [u8], place: Stored) {
-    record[0..4].copy_from_slice(&place.x.to_le_bytes());
-    record[4..8].copy_from_slice(&place.y.to_le_bytes());
-    record[8..12].copy_from_slice(&place.z.to_le_bytes());
-    record[14] = 0x11;
 }
 
 /// What of a record meets the eye.
@@ -249,14 +235,14 @@ impl DisplayAttributes {
     ///
     /// If the record is shorter than the standard's.
     pub(crate) fn of_record(record: &[u8], has_color: bool) -> Self {
-        let word = |at: usize| u16::from_le_bytes([record[at], record[at + 1]]);
+        let record = RecordView::new(record);
         Self {
-            intensity: word(12),
+            intensity: record.intensity(),
             color: match has_color {
-                true => [word(30), word(32), word(34)],
+                true => record.color(),
                 false => [0; 3],
             },
-            class: record[16],
+            class: record.classification(),
         }
     }
 
@@ -409,10 +395,7 @@ fn legacy_flags(raw: &[u8]) -> [u8; 8] {
     // Class 12 meant overlap before there was a flag for it; the class proper
     // is not known then: 1, unclassified.
     let is_overlap = class & 31 == 12;
-    let angle = i16::from(raw[16] as i8);
-    // 0.006° to the unit: 1° is 166⅔ of them.
-    let scaled = (f64::from(angle) / 0.006).round() as i16;
-    let [angle_low, angle_high] = scaled.to_le_bytes();
+    let [angle_low, angle_high] = scan_angle_units((raw[16] as i8).into()).to_le_bytes();
     [
         (returns & 7) | (returns >> 3 & 7) << 4,
         class >> 5 | u8::from(is_overlap) << 3 | (returns >> 6 & 3) << 6,
@@ -456,9 +439,9 @@ mod tests {
             point_format: 7,
             extra_bytes: vec![ExtraByte::named("roll", 4), ExtraByte::undescribed(3)],
         };
-        assert_eq!(record.add_real("CellArea", "of the cell"), 38);
-        assert_eq!(record.add_real("Curvature", "mean"), 42);
-        assert_eq!(record.add_real("CellArea", "of the cell"), 38);
+        assert_eq!(record.add_real("CellArea", "of the cell").offset(), 38);
+        assert_eq!(record.add_real("Curvature", "mean").offset(), 42);
+        assert_eq!(record.add_real("CellArea", "of the cell").offset(), 38);
         assert_eq!(record.described_length(), 46);
         assert_eq!(record.record_length(), 49);
         assert!(record.extra_bytes[3].descriptor.is_empty());

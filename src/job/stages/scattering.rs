@@ -9,7 +9,7 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-use super::{
+use crate::job::{
     JobError, LeftOut, Progress, Survey, Unit, Worker,
     cluster::{Claim, Ending, Kind, MOST_GROUPS},
     directory::write_among_others,
@@ -54,7 +54,7 @@ impl Source for PointStream {
 }
 
 /// Points of the inputs, each group of them spilled by itself.
-pub(super) const POINTS: Kind = Kind {
+pub(crate) const POINTS: Kind = Kind {
     stem: "spill",
     begun: "bin",
     complete: "index",
@@ -66,29 +66,29 @@ const GROUP_POINTS: u64 = 8 * PART_POINTS;
 
 /// How many groups the points of a job are scattered in, for who only sees the job directory.
 #[derive(Debug, Serialize, Deserialize)]
-pub(super) struct ScanGroups {
-    pub(super) count: usize,
+pub(crate) struct ScanGroups {
+    pub(crate) count: usize,
 }
 
 impl ScanGroups {
     const NAME: &str = "groups.json";
 
     /// As the processes say that scatter the job in `dir` together, if there are any.
-    pub(super) fn read(dir: &Path) -> Option<Self> {
+    pub(crate) fn read(dir: &Path) -> Option<Self> {
         let content = read_whole(&dir.join(Self::NAME)).ok()??;
         serde_json::from_slice(&content).ok()
     }
 }
 
 /// Inputs on their way to the spill.
-pub(super) struct Scattering<'a> {
-    pub(super) survey: &'a Survey,
-    pub(super) dir: &'a Path,
-    pub(super) budget: Budget,
+pub(crate) struct Scattering<'a> {
+    pub(crate) survey: &'a Survey,
+    pub(crate) dir: &'a Path,
+    pub(crate) budget: Budget,
     /// Whether all files that fail are to be named, not only the first.
-    pub(super) keep_going: bool,
-    pub(super) progress: &'a dyn Progress,
-    pub(super) cancel: &'a AtomicBool,
+    pub(crate) keep_going: bool,
+    pub(crate) progress: &'a dyn Progress,
+    pub(crate) cancel: &'a AtomicBool,
 }
 
 /// Points of an input that are decoded by themselves: which input, and where in it.
@@ -101,7 +101,7 @@ impl Scattering<'_> {
     /// # Errors
     ///
     /// [`JobError::BadFiles`] if files cannot be read to their end.
-    pub(super) fn complete(&self, worker: &Worker) -> Result<Spill, JobError> {
+    pub(crate) fn complete(&self, worker: &Worker) -> Result<Spill, JobError> {
         let parts = parts(self.survey);
         if !Claim::all(&POINTS, self.dir)?.is_empty() {
             self.share(worker)?;
@@ -133,7 +133,7 @@ impl Scattering<'_> {
     ///
     /// [`JobError::BadFiles`] if files cannot be read to their end; groups with such files are
     /// left to others if those that fail are to be skipped and `worker` does not wait.
-    pub(super) fn share(&self, worker: &Worker) -> Result<(), JobError> {
+    pub(crate) fn share(&self, worker: &Worker) -> Result<(), JobError> {
         if self.dir.join(ALONE).with_extension("bin").exists() {
             return Err(JobError::Refused(format!(
                 "{}: one process has begun to scatter this job alone; the same command without \
@@ -222,7 +222,7 @@ const ALONE: &str = "spill";
 /// # Errors
 ///
 /// See [`Spill::join`].
-pub(super) fn scattered(dir: &Path) -> Result<Spill, JobError> {
+pub(crate) fn scattered(dir: &Path) -> Result<Spill, JobError> {
     let mut claims = Claim::all(&POINTS, dir)?;
     claims.retain(|claim| claim.ending == Ending::Complete);
     // If two came to the end of a group, the first of them will do.
@@ -235,7 +235,7 @@ pub(super) fn scattered(dir: &Path) -> Result<Spill, JobError> {
 }
 
 /// What was read of each input of `survey`, and what was left out.
-pub(super) fn input_counts(survey: &Survey, spill: &Spill) -> Vec<InputCount> {
+pub(crate) fn input_counts(survey: &Survey, spill: &Spill) -> Vec<InputCount> {
     let mut by_input = vec![PointCounts::default(); survey.inputs.len()];
     for ((input, _), counts) in parts(survey).into_iter().zip(spill.sources()) {
         by_input[input].add(&counts);

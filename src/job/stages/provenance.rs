@@ -9,7 +9,7 @@ use std::{
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
-use super::{JobError, Survey, directory::JobDirectory};
+use crate::job::{JobError, Survey, directory::JobDirectory};
 use crate::{config::Settings, tile::Spill};
 
 /// Inputs that are named at the most: a record has 65 535 bytes.
@@ -23,7 +23,7 @@ const CHECKSUMS: &str = "inputs.json";
 /// # Errors
 ///
 /// If an input cannot be read.
-pub(super) fn checksums(
+pub(crate) fn checksums(
     survey: &Survey,
     directory: &JobDirectory,
 ) -> Result<Vec<String>, JobError> {
@@ -64,7 +64,7 @@ fn checksum(path: &Path) -> io::Result<String> {
 }
 
 /// How the cloud was made, as JSON: program, settings that decide the result, inputs.
-pub(super) fn provenance(
+pub(crate) fn provenance(
     settings: &Settings,
     spacing: f64,
     survey: &Survey,

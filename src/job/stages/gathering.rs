@@ -1,6 +1,6 @@
 //! Points of a rectangle, however many were scanned there.
 
-use super::JobError;
+use crate::job::JobError;
 use crate::{
     geometry::{Quantization, Rect, Stored},
     lloyd::SolverOptions,
@@ -11,7 +11,7 @@ use crate::{
 /// The points of `spill` in `rect`, all of them or, if they are more than `crowd`,
 /// no fewer than a scan for `options` keeps of them. ResourceSample at a time are about twice
 /// as many as are kept, or `crowd`.
-pub(super) fn gather_points(
+pub(crate) fn gather_points(
     spill: &Spill,
     rect: &Rect,
     quantization: &Quantization,

@@ -12,12 +12,12 @@ use std::{
 
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
-use super::JobError;
+use crate::job::JobError;
 use crate::tile::{read_whole, write_whole};
 
 /// A job directory that this process holds.
 #[derive(Debug)]
-pub(super) struct JobDirectory {
+pub(crate) struct JobDirectory {
     path: PathBuf,
     /// ResourceSample as long as the job runs.
     _lock: File,
@@ -37,7 +37,7 @@ struct About {
 
 /// Length and time of a file: renamed, it is still the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Stamp {
+pub(crate) struct Stamp {
     bytes: u64,
     /// Nanoseconds since 1970.
     modified: u128,
@@ -45,7 +45,7 @@ pub(super) struct Stamp {
 
 impl Stamp {
     /// The stamp of the file at `path` as it is now.
-    pub(super) fn of(path: &Path) -> io::Result<Self> {
+    pub(crate) fn of(path: &Path) -> io::Result<Self> {
         fs::metadata(path).map(|metadata| Self::of_metadata(&metadata))
     }
 
@@ -67,7 +67,7 @@ impl JobDirectory {
     ///
     /// If it cannot be made, another process holds it, or it holds another job or
     /// anything else.
-    pub(super) fn open(
+    pub(crate) fn open(
         path: &Path,
         identity: serde_json::Value,
         restart: bool,
@@ -112,7 +112,7 @@ impl JobDirectory {
     /// # Errors
     ///
     /// If it cannot be made, or holds another job or anything else.
-    pub(super) fn join(
+    pub(crate) fn join(
         path: &Path,
         identity: serde_json::Value,
         output: &Path,
@@ -144,12 +144,12 @@ impl JobDirectory {
         }
     }
 
-    pub(super) fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
     /// What the file `name` holds, if it is there and whole.
-    pub(super) fn read<T: DeserializeOwned>(&self, name: &str) -> Option<T> {
+    pub(crate) fn read<T: DeserializeOwned>(&self, name: &str) -> Option<T> {
         read_json(&self.path.join(name))
     }
 
@@ -158,7 +158,7 @@ impl JobDirectory {
     /// # Errors
     ///
     /// If it cannot be written.
-    pub(super) fn write(&self, name: &str, value: &impl Serialize) -> Result<(), JobError> {
+    pub(crate) fn write(&self, name: &str, value: &impl Serialize) -> Result<(), JobError> {
         let path = self.path.join(name);
         write_whole(&path, to_json(value).as_bytes()).map_err(|e| JobError::io("write", &path, e))
     }
@@ -168,25 +168,25 @@ impl JobDirectory {
     /// # Errors
     ///
     /// If it cannot be written down.
-    pub(super) fn deliver(&mut self, stamp: Stamp) -> Result<(), JobError> {
+    pub(crate) fn deliver(&mut self, stamp: Stamp) -> Result<(), JobError> {
         self.about.delivered = Some(stamp);
         self.write(ABOUT, &self.about)
     }
 
     /// Whether an earlier run of this job completed the file at `output`, which has
     /// been left alone since.
-    pub(super) fn has_delivered(&self, output: &Path) -> bool {
+    pub(crate) fn has_delivered(&self, output: &Path) -> bool {
         let delivered = self.about.delivered;
         delivered.is_some() && Stamp::of(output).ok() == delivered
     }
 
     /// Removes the results of all tiles, and what others would solve them by.
-    pub(super) fn forget_tiles(&self) {
+    pub(crate) fn forget_tiles(&self) {
         self.forget(|name| name.starts_with("tiles") || name == "handover.json");
     }
 
     /// Removes the job's files of which `wanted` says so; what cannot be removed stays.
-    pub(super) fn forget(&self, wanted: impl Fn(&str) -> bool) {
+    pub(crate) fn forget(&self, wanted: impl Fn(&str) -> bool) {
         let entries = fs::read_dir(&self.path).into_iter().flatten().flatten();
         for entry in entries {
             let name = entry.file_name();
@@ -201,7 +201,7 @@ impl JobDirectory {
 
     /// Gives the job up: removes what this process made of it. What an earlier run left
     /// may be the work of a night, and stays.
-    pub(super) fn abandon(self) {
+    pub(crate) fn abandon(self) {
         if self.is_new {
             self.clear();
         }
@@ -209,7 +209,7 @@ impl JobDirectory {
 
     /// Removes the job, and the directory. Whose it was goes last: a process that is
     /// killed on the way knows it again.
-    pub(super) fn clear(self) {
+    pub(crate) fn clear(self) {
         self.forget(|name| name != ABOUT && name != "lock");
         self.forget(|name| name != "lock");
         self.forget(|_| true);
@@ -245,7 +245,7 @@ fn own_names(path: &Path) -> Result<Vec<String>, JobError> {
 
 /// Writes `content` to `path`, complete or not at all, where other processes may write the
 /// same at the same time.
-pub(super) fn write_among_others(path: &Path, content: &[u8]) -> Result<(), JobError> {
+pub(crate) fn write_among_others(path: &Path, content: &[u8]) -> Result<(), JobError> {
     // Processes on several machines may have one number, but not at one moment.
     let now = UNIX_EPOCH.elapsed().unwrap_or_default().as_nanos();
     let own = format!("job-{}-{now}.json", std::process::id());
@@ -265,7 +265,7 @@ fn to_json(value: &impl Serialize) -> String {
 }
 
 /// Bytes of the files in `dir` whose names are `wanted`; none if there is no such directory.
-pub(super) fn bytes_in(dir: &Path, wanted: impl Fn(&str) -> bool) -> u64 {
+pub(crate) fn bytes_in(dir: &Path, wanted: impl Fn(&str) -> bool) -> u64 {
     let entries = fs::read_dir(dir).into_iter().flatten().flatten();
     entries
         .filter(|entry| entry.file_name().to_str().is_some_and(&wanted))

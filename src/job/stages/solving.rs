@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{JobError, gathering::gather_points, memory::points_for, transfer::Transfer};
+use crate::job::{JobError, gathering::gather_points, memory::points_for, transfer::Transfer};
 use crate::{
     geometry::{AT_ONCE, Local, NeighborGrid, Quantization, Rect, Stored},
     lloyd::{DistanceSums, Scan, Site, SolverOptions, TileRegion, solve_watched},
@@ -13,11 +13,11 @@ use crate::{
 
 /// Width of the band in which neighbouring tiles are compared and blended, in
 /// spacings.
-pub(super) const BAND: f64 = 4.0;
+pub(crate) const BAND: f64 = 4.0;
 
 /// How far an input point is looked for around an output point, and the other
 /// way round, in spacings.
-pub(super) const FARTHEST: f64 = 8.0;
+pub(crate) const FARTHEST: f64 = 8.0;
 
 /// The figures of one tile. Lengths are CRS units.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -48,8 +48,8 @@ pub(crate) struct TileFigures {
 }
 
 /// A tile that has been read.
-pub(super) struct Loaded {
-    pub(super) tile: Tile,
+pub(crate) struct Loaded {
+    pub(crate) tile: Tile,
     known: Rect,
     /// What is solved …
     scan: Scan,
@@ -58,7 +58,7 @@ pub(super) struct Loaded {
 }
 
 /// Reads the points that `tile` sees.
-pub(super) fn load(
+pub(crate) fn load(
     spill: &Spill,
     plan: &Plan,
     tile: Tile,
@@ -86,7 +86,7 @@ const SOLVER_SHARE: f64 = 0.83;
 
 /// Solves a tile: its result, and its figures but for the time. `watch` is told what share
 /// of the work is done.
-pub(super) fn solve_tile(
+pub(crate) fn solve_tile(
     spill: &Spill,
     loaded: Loaded,
     options: &SolverOptions,
@@ -163,7 +163,7 @@ fn input_distances(scan: &Scan, core: &Rect, options: &SolverOptions) -> Uniform
 }
 
 /// Nearest distances and closed cells of the sites of the core.
-pub(super) fn uniformity(sites: &[Site], core: &Rect, spacing: f64) -> UniformityTally {
+pub(crate) fn uniformity(sites: &[Site], core: &Rect, spacing: f64) -> UniformityTally {
     let mut tally = UniformityTally::new(spacing);
     for site in sites.iter().filter(|site| core.contains(site.identity)) {
         if site.nearest.is_finite() {

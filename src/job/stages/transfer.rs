@@ -7,38 +7,33 @@ use std::collections::{HashMap, HashSet};
 
 use rayon::prelude::*;
 
-use super::{JobError, solving::FARTHEST};
+use crate::job::{JobError, solving::FARTHEST};
 use crate::{
     config::{ClassRule, ColorRule, Computed, Settings},
     geometry::{AT_ONCE, Local, NeighborGrid, Rect, Stored},
-    las::RecordFormat,
+    las::{AveragedField, RealAttribute, RecordFormat, RecordView},
     lloyd::{Scan, Site},
     tile::Spill,
 };
 
 /// How records of the output come about.
 #[derive(Clone, Debug)]
-pub(super) struct Transfer {
+pub(crate) struct Transfer {
     color: ColorRule,
     class: ClassRule,
     /// What is added, and where in the record each of its numbers goes.
-    computed: Vec<(Computed, Vec<usize>)>,
+    computed: Vec<(Computed, Vec<RealAttribute>)>,
     record: RecordFormat,
     /// Length of a scanned record before the bytes that nothing describes: what is added
     /// stands before those.
     described_length: usize,
 }
 
-/// The fields of a record that may be the mean of a cell: intensity, red, green, blue and
-/// near infrared, as far as the format has them.
-const AVERAGED: [usize; 5] = [12, 30, 32, 34, 36];
-const CLASS: usize = 16;
-
 /// What the input points of a cell have in common.
 #[derive(Clone, Debug, Default)]
 struct Cell {
     points: u64,
-    sums: [u64; AVERAGED.len()],
+    sums: [u64; AveragedField::ALL.len()],
     /// How many points there are of each class.
     classes: Vec<(u8, u64)>,
 }
@@ -54,7 +49,7 @@ struct Found {
 
 impl Transfer {
     /// The transfer from records like `scanned`, as `settings` have it.
-    pub(super) fn new(scanned: &RecordFormat, settings: &Settings) -> Self {
+    pub(crate) fn new(scanned: &RecordFormat, settings: &Settings) -> Self {
         let mut record = scanned.clone();
         let computed = settings
             .with
@@ -77,12 +72,12 @@ impl Transfer {
     }
 
     /// The format of the output's records.
-    pub(super) fn record(&self) -> &RecordFormat {
+    pub(crate) fn record(&self) -> &RecordFormat {
         &self.record
     }
 
     fn needs_cells(&self) -> bool {
-        let needs = |(computed, _): &(Computed, Vec<usize>)| *computed == Computed::Density;
+        let needs = |(computed, _): &(Computed, Vec<RealAttribute>)| *computed == Computed::Density;
         self.color == ColorRule::Mean
             || self.class == ClassRule::Majority
             || self.computed.iter().any(needs)
@@ -93,7 +88,7 @@ impl Transfer {
     ///
     /// Of points at one place the one with the smallest record stands for all, whatever
     /// the order in which they were read.
-    pub(super) fn records(
+    pub(crate) fn records(
         &self,
         spill: &Spill,
         scan: &Scan,
@@ -136,7 +131,7 @@ impl Transfer {
                         sites.nearest(quantization.local(point), spacing, |_| false)
                 {
                     let cell = found.cells.entry(site).or_default();
-                    cell.add(record, self.record.standard_length());
+                    cell.add(record, self.record.averaged_fields());
                 }
             },
             |part| {
@@ -175,14 +170,13 @@ impl Transfer {
     fn complete(&self, record: &mut [u8], site: &Site, cell: Option<&Cell>, distance: f64) {
         if let Some(cell) = cell {
             if self.color == ColorRule::Mean {
-                for (mean, at) in cell.means().zip(AVERAGED) {
-                    if at + 2 <= self.record.standard_length() {
-                        record[at..at + 2].copy_from_slice(&mean.to_le_bytes());
-                    }
+                for (mean, &field) in cell.means().zip(self.record.averaged_fields()) {
+                    RecordView::new(&mut *record).set_averaged(field, mean);
                 }
             }
             if self.class == ClassRule::Majority {
-                record[CLASS] = cell.majority(record[CLASS]);
+                let mut record = RecordView::new(&mut *record);
+                record.set_classification(cell.majority(record.classification()));
             }
         }
         let is_bounded = site.is_closed && !site.is_fixed && site.area > 0.0;
@@ -199,7 +193,7 @@ impl Transfer {
                 Computed::Distance => vec![distance],
             };
             for (value, &at) in values.into_iter().zip(places) {
-                record[at..at + 4].copy_from_slice(&(value as f32).to_le_bytes());
+                RecordView::new(&mut *record).set_real(at, value);
             }
         }
     }
@@ -221,14 +215,13 @@ fn names(computed: Computed) -> &'static [(&'static str, &'static str)] {
 }
 
 impl Cell {
-    fn add(&mut self, record: &[u8], standard_length: usize) {
+    fn add(&mut self, record: &[u8], averaged_fields: &[AveragedField]) {
+        let record = RecordView::new(record);
         self.points += 1;
-        for (sum, at) in self.sums.iter_mut().zip(AVERAGED) {
-            if at + 2 <= standard_length {
-                *sum += u64::from(u16::from_le_bytes([record[at], record[at + 1]]));
-            }
+        for (sum, &field) in self.sums.iter_mut().zip(averaged_fields) {
+            *sum += u64::from(record.averaged(field));
         }
-        self.count(record[CLASS], 1);
+        self.count(record.classification(), 1);
     }
 
     fn count(&mut self, class: u8, points: u64) {
@@ -282,11 +275,11 @@ mod tests {
     use super::*;
 
     fn record(intensity: u16, red: u16, class: u8) -> Vec<u8> {
-        let mut record = vec![0; 36];
-        record[12..14].copy_from_slice(&intensity.to_le_bytes());
-        record[30..32].copy_from_slice(&red.to_le_bytes());
-        record[CLASS] = class;
-        record
+        let mut record = RecordView::new(vec![0; 36]);
+        record.set_intensity(intensity);
+        record.set_color([red, 0, 0]);
+        record.set_classification(class);
+        record.into_bytes()
     }
 
     #[test]
@@ -295,8 +288,8 @@ mod tests {
         let mut forth = Cell::default();
         let mut halves = [Cell::default(), Cell::default()];
         for (at, &(intensity, red, class)) in points.iter().enumerate() {
-            forth.add(&record(intensity, red, class), 36);
-            halves[at % 2].add(&record(intensity, red, class), 36);
+            forth.add(&record(intensity, red, class), AveragedField::of_format(7));
+            halves[at % 2].add(&record(intensity, red, class), AveragedField::of_format(7));
         }
         let [mut back, other] = halves;
         back.merge(&other);

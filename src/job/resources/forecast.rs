@@ -5,10 +5,10 @@ use std::{
     time::Instant,
 };
 
-use super::{Progress, Standing, Unit};
+use crate::job::{Progress, Standing, Unit};
 
 /// Listens to a job on behalf of another listener, and knows what remains.
-pub(super) struct Forecast<'a> {
+pub(crate) struct Forecast<'a> {
     listener: &'a dyn Progress,
     state: Mutex<State>,
 }
@@ -58,7 +58,7 @@ impl Current {
 }
 
 impl<'a> Forecast<'a> {
-    pub(super) fn new(listener: &'a dyn Progress) -> Self {
+    pub(crate) fn new(listener: &'a dyn Progress) -> Self {
         Self {
             listener,
             state: Mutex::default(),
@@ -70,12 +70,12 @@ impl<'a> Forecast<'a> {
     }
 
     /// The stages to come, with the seconds that each is expected to take.
-    pub(super) fn expect(&self, stages: &[(&'static str, f64)]) {
+    pub(crate) fn expect(&self, stages: &[(&'static str, f64)]) {
         self.state().ahead = stages.to_vec();
     }
 
     /// Of the stage at work this share is done, however many of its units.
-    pub(super) fn reach(&self, share: f64) {
+    pub(crate) fn reach(&self, share: f64) {
         if let Some(now) = &mut self.state().now {
             now.is_told = true;
             now.reach(share);
@@ -83,7 +83,7 @@ impl<'a> Forecast<'a> {
     }
 
     /// Seconds until the run is done; nothing before that can be told.
-    pub(super) fn remaining(&self) -> Option<f64> {
+    pub(crate) fn remaining(&self) -> Option<f64> {
         let state = self.state();
         let ahead: f64 = state.ahead.iter().map(|(_, seconds)| seconds).sum();
         let is_known = !state.ahead.is_empty() || state.now.as_ref()?.expected > 0.0;

@@ -38,7 +38,7 @@ pub(crate) fn peak_resident() -> Option<u64> {
 
 /// The memory that this process holds now, in bytes, mapped pages included (`VmRSS`);
 /// `None` where the system does not tell.
-pub(super) fn resident() -> Option<u64> {
+pub(crate) fn resident() -> Option<u64> {
     proc_kib("/proc/self/status", "VmRSS:")
 }
 
@@ -78,14 +78,14 @@ const LARGEST_TILE: u64 = 5 << 29;
 
 /// The job's memory, shared out.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Budget {
-    pub(super) total: u64,
-    pub(super) threads: usize,
+pub(crate) struct Budget {
+    pub(crate) total: u64,
+    pub(crate) threads: usize,
 }
 
 impl Budget {
     /// What `--memory` says, or three quarters of what there is.
-    pub(super) fn new(asked: Option<u64>, threads: usize) -> Self {
+    pub(crate) fn new(asked: Option<u64>, threads: usize) -> Self {
         let by_machine = || memory_limit().map_or(2 << 30, |limit| limit / 4 * 3);
         Self {
             total: asked.unwrap_or_else(by_machine),
@@ -94,51 +94,51 @@ impl Budget {
     }
 
     /// Decoders that may work at once.
-    pub(super) fn decoders(&self) -> usize {
+    pub(crate) fn decoders(&self) -> usize {
         let affordable = (self.total.saturating_sub(BASE) / 2 / PER_DECODER) as usize;
         self.threads.min(affordable).max(1)
     }
 
     /// Bytes for the buffers of the scatter.
-    pub(super) fn buffers(&self) -> usize {
+    pub(crate) fn buffers(&self) -> usize {
         (self.total / 8).clamp(4 << 20, 256 << 20) as usize
     }
 
     /// Bytes that a tile may cost.
-    pub(super) fn tile(&self) -> u64 {
+    pub(crate) fn tile(&self) -> u64 {
         let usable = (self.total.saturating_sub(BASE) as f64 * USABLE) as u64;
         usable.min(LARGEST_TILE)
     }
 
     /// Points that fit, at so many bytes each.
-    pub(super) fn points(&self, bytes: f64) -> u64 {
+    pub(crate) fn points(&self, bytes: f64) -> u64 {
         (self.tile() as f64 / bytes) as u64
     }
 
     /// The budget with which a tile that costs so many bytes would fit.
-    pub(super) fn needed(&self, bytes: f64) -> u64 {
+    pub(crate) fn needed(&self, bytes: f64) -> u64 {
         BASE + (bytes / USABLE).ceil() as u64
     }
 
     /// The least budget with which any job is tried.
-    pub(super) fn least(&self) -> u64 {
+    pub(crate) fn least(&self) -> u64 {
         BASE + 2 * PER_DECODER + (16 << 20)
     }
 }
 
 /// Bytes that a tile takes for so many points and seeds.
-pub(super) fn bytes_of(points: f64, seeds: f64) -> f64 {
+pub(crate) fn bytes_of(points: f64, seeds: f64) -> f64 {
     // A voxel for each point at the most, and those of the filling.
     let voxels = (seeds * VOXELS_PER_SEED).min(points + seeds * FILLING_PER_SEED);
     (PER_POINT_READ + PER_POINT_SOLVED) * points + PER_VOXEL * voxels + PER_SEED * seeds
 }
 
 /// Points that a tile of so many bytes has at the most.
-pub(super) fn points_for(bytes: u64) -> u64 {
+pub(crate) fn points_for(bytes: u64) -> u64 {
     (bytes as f64 / (PER_POINT_READ + PER_POINT_SOLVED)) as u64
 }
 
-pub(super) fn mebibytes(bytes: u64) -> String {
+pub(crate) fn mebibytes(bytes: u64) -> String {
     format!("{} MiB", bytes.div_ceil(1 << 20))
 }
 

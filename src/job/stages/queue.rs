@@ -8,7 +8,7 @@ use std::{
 
 use crossbeam::channel;
 
-use super::{
+use crate::job::{
     JobError,
     solving::{load, solve_tile},
     tiles::SolvedTiles,
@@ -21,18 +21,18 @@ use crate::{
 };
 
 /// What tiles are solved from.
-pub(super) struct Queue<'a> {
-    pub(super) spill: &'a Spill,
-    pub(super) plan: &'a Plan,
-    pub(super) quantization: Quantization,
-    pub(super) options: &'a SolverOptions,
-    pub(super) transfer: &'a Transfer,
+pub(crate) struct Queue<'a> {
+    pub(crate) spill: &'a Spill,
+    pub(crate) plan: &'a Plan,
+    pub(crate) quantization: Quantization,
+    pub(crate) options: &'a SolverOptions,
+    pub(crate) transfer: &'a Transfer,
 }
 
 impl Queue<'_> {
     /// Solves `tiles` and adds them to `solved`. `watch` is told what share of the tile at
     /// work is done: all of it, once it is on the disk.
-    pub(super) fn solve(
+    pub(crate) fn solve(
         &self,
         tiles: &[Tile],
         solved: &mut SolvedTiles,

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{
+use crate::job::{
     JobError, Progress, Survey,
     directory::{JobDirectory, bytes_in},
     disk::{Need, check_room, directory_of},
@@ -52,7 +52,7 @@ pub(crate) struct JobPlan {
 
 impl JobPlan {
     /// How the tiles are solved, as `settings` have it.
-    pub(super) fn options(&self, settings: &Settings) -> SolverOptions {
+    pub(crate) fn options(&self, settings: &Settings) -> SolverOptions {
         settings
             .solver
             .at(self.spacing, self.points_out as f64 / self.points as f64)
@@ -71,17 +71,17 @@ const CROWD: u64 = 1 << 20;
 const LARGE_CELL: u64 = 4 << 20;
 
 /// A spill whose tiles are to be planned.
-pub(super) struct Planning<'a> {
-    pub(super) job: &'a Job,
-    pub(super) survey: &'a Survey,
-    pub(super) directory: &'a JobDirectory,
-    pub(super) spill: &'a Spill,
-    pub(super) budget: &'a Budget,
+pub(crate) struct Planning<'a> {
+    pub(crate) job: &'a Job,
+    pub(crate) survey: &'a Survey,
+    pub(crate) directory: &'a JobDirectory,
+    pub(crate) spill: &'a Spill,
+    pub(crate) budget: &'a Budget,
 }
 
 impl Planning<'_> {
     /// The spacing, and about how many points it gives.
-    pub(super) fn spacing(&self, progress: &dyn Progress) -> Result<(f64, u64), JobError> {
+    pub(crate) fn spacing(&self, progress: &dyn Progress) -> Result<(f64, u64), JobError> {
         if let Some(found) = self.directory.read("spacing.json") {
             return Ok(found);
         }
@@ -100,7 +100,7 @@ impl Planning<'_> {
     }
 
     /// Tiles for about `points_out` seeds, and what they will take.
-    pub(super) fn tiles(
+    pub(crate) fn tiles(
         &self,
         options: &SolverOptions,
         points_out: u64,

@@ -3,13 +3,13 @@
 
 use std::path::PathBuf;
 
-use super::{JobError, Survey, directory::Stamp};
+use crate::job::{JobError, Survey, directory::Stamp};
 
 /// The inputs of a job as they were when it began.
-pub(super) struct InputStamps(Vec<(PathBuf, Option<Stamp>)>);
+pub(crate) struct InputStamps(Vec<(PathBuf, Option<Stamp>)>);
 
 impl InputStamps {
-    pub(super) fn of(survey: &Survey) -> Self {
+    pub(crate) fn of(survey: &Survey) -> Self {
         let inputs = survey.inputs.iter().map(|input| input.path.clone());
         let left_out = survey.left_out.iter().map(|bad| PathBuf::from(&bad.path));
         let mut stamps: Vec<(PathBuf, Option<Stamp>)> = inputs
@@ -21,7 +21,7 @@ impl InputStamps {
     }
 
     /// For the identity of the job, which is text.
-    pub(super) fn by_name(&self) -> Vec<(String, Option<Stamp>)> {
+    pub(crate) fn by_name(&self) -> Vec<(String, Option<Stamp>)> {
         let stamps = self.0.iter();
         stamps
             .map(|(path, stamp)| (path.display().to_string(), *stamp))
@@ -29,7 +29,7 @@ impl InputStamps {
     }
 
     /// Refuses what has changed since: half of it may have been read before.
-    pub(super) fn check(&self) -> Result<(), JobError> {
+    pub(crate) fn check(&self) -> Result<(), JobError> {
         let has_changed =
             |(path, stamp): &&(PathBuf, Option<Stamp>)| Stamp::of(path).ok() != *stamp;
         match self.0.iter().find(has_changed) {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use rayon::prelude::*;
 
-use super::{JobError, LeftOut};
+use crate::job::{JobError, LeftOut};
 use crate::{
     config::{Settings, Target},
     geometry::Quantization,

@@ -10,7 +10,7 @@ use std::{
 use crossbeam::channel::{self, RecvTimeoutError, Sender};
 use serde::{Deserialize, Serialize};
 
-use super::{
+use crate::job::{
     Progress, Standing,
     directory::bytes_in,
     forecast::Forecast,
@@ -55,7 +55,7 @@ const TICK: Duration = Duration::from_millis(250);
 const MOST_HELD: usize = 400;
 
 /// Times the stages of a run, and looks now and then at what it holds.
-pub(super) struct Clock {
+pub(crate) struct Clock {
     start: Instant,
     last: Instant,
     stages: Vec<StageCost>,
@@ -98,7 +98,7 @@ impl Series {
 }
 
 impl Clock {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let start = Instant::now();
         Self {
             start,
@@ -111,7 +111,7 @@ impl Clock {
 
     /// DisplayAttributes from now on, in a thread of its own, at the memory and at the files in `dir`,
     /// and tells the listener of `forecast` where the run stands.
-    pub(super) fn watch<'scope, 'env: 'scope>(
+    pub(crate) fn watch<'scope, 'env: 'scope>(
         &mut self,
         scope: &'scope Scope<'scope, 'env>,
         dir: &'env Path,
@@ -135,7 +135,7 @@ impl Clock {
     }
 
     /// A stage has come to its end.
-    pub(super) fn stop(&mut self, stage: &str) {
+    pub(crate) fn stop(&mut self, stage: &str) {
         self.stages.push(StageCost {
             stage: stage.to_owned(),
             seconds: self.last.elapsed().as_secs_f64(),
@@ -145,7 +145,7 @@ impl Clock {
     }
 
     /// The stages, and what was held over time, now that all is done in `dir`.
-    pub(super) fn costs(self, dir: &Path) -> (Vec<StageCost>, Vec<ResourceSample>) {
+    pub(crate) fn costs(self, dir: &Path) -> (Vec<StageCost>, Vec<ResourceSample>) {
         let mut held = lock(&self.held).held.clone();
         held.push(ResourceSample::now(self.start, dir));
         (self.stages, held)

@@ -2,15 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{JobError, memory::mebibytes};
+use crate::job::{JobError, memory::mebibytes};
 
 /// What is about to be written.
-pub(super) struct Need<'a> {
+pub(crate) struct Need<'a> {
     /// What it is called.
-    pub(super) what: String,
+    pub(crate) what: String,
     /// A directory on the file system that it goes to.
-    pub(super) dir: &'a Path,
-    pub(super) bytes: u64,
+    pub(crate) dir: &'a Path,
+    pub(crate) bytes: u64,
 }
 
 /// Refuses what has no room.
@@ -18,7 +18,7 @@ pub(super) struct Need<'a> {
 /// # Errors
 ///
 /// [`JobError::Refused`] with the file system, what it needs, and what it has.
-pub(super) fn check_room(needs: &[Need<'_>]) -> Result<(), JobError> {
+pub(crate) fn check_room(needs: &[Need<'_>]) -> Result<(), JobError> {
     let mut left: Vec<&Need<'_>> = needs.iter().collect();
     while let Some(first) = left.first() {
         let disk = disk_of(first.dir);
@@ -64,7 +64,7 @@ pub(crate) fn write_file(path: &Path, content: &[u8]) -> Result<(), JobError> {
 }
 
 /// The directory that a file at `path` lies in.
-pub(super) fn directory_of(path: &Path) -> PathBuf {
+pub(crate) fn directory_of(path: &Path) -> PathBuf {
     match path.parent() {
         Some(parent) if parent != Path::new("") => parent.to_owned(),
         _ => PathBuf::from("."),

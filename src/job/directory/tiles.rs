@@ -2,32 +2,32 @@
 
 use std::path::Path;
 
-use super::{JobError, TileFigures, cluster};
+use crate::job::{JobError, TileFigures, cluster};
 use crate::tile::{Pack, SolvedTile, TileError};
 
 /// The tiles that are solved: two blocks each, the figures last. Where they are, the
 /// tile is solved. Of several files tiles are added to the last.
 #[derive(Debug)]
-pub(super) struct SolvedTiles(Vec<Pack>);
+pub(crate) struct SolvedTiles(Vec<Pack>);
 
 /// The name of their file in the job directory.
 const SOLVED: &str = "tiles.solved";
 
 impl SolvedTiles {
     /// The tiles that are solved in the job directory `dir`, by this process and by others.
-    pub(super) fn open(dir: &Path) -> Result<Self, JobError> {
+    pub(crate) fn open(dir: &Path) -> Result<Self, JobError> {
         let mut packs = cluster::packs(dir)?;
         packs.push(Pack::open(&dir.join(SOLVED))?);
         Ok(Self(packs))
     }
 
     /// Those in `packs`.
-    pub(super) fn of(packs: Vec<Pack>) -> Self {
+    pub(crate) fn of(packs: Vec<Pack>) -> Self {
         Self(packs)
     }
 
     /// Whether `tile` is solved.
-    pub(super) fn contains(&self, tile: u32) -> bool {
+    pub(crate) fn contains(&self, tile: u32) -> bool {
         self.with(figures_key(tile)).is_some()
     }
 
@@ -40,7 +40,7 @@ impl SolvedTiles {
     }
 
     /// Adds a tile; it is on the disk then.
-    pub(super) fn add(
+    pub(crate) fn add(
         &mut self,
         tile: u32,
         solved: &SolvedTile,
@@ -54,13 +54,13 @@ impl SolvedTiles {
     }
 
     /// The figures of `tile`.
-    pub(super) fn figures(&self, tile: u32) -> Result<TileFigures, JobError> {
+    pub(crate) fn figures(&self, tile: u32) -> Result<TileFigures, JobError> {
         let text = self.read(figures_key(tile))?;
         Ok(serde_json::from_slice(&text).map_err(|_| damaged())?)
     }
 
     /// The sites and records of `tile`.
-    pub(super) fn solved(&self, tile: u32) -> Result<SolvedTile, JobError> {
+    pub(crate) fn solved(&self, tile: u32) -> Result<SolvedTile, JobError> {
         let bytes = self.read(figures_key(tile) - 1)?;
         Ok(SolvedTile::from_bytes(&bytes).ok_or_else(damaged)?)
     }

@@ -7,11 +7,11 @@ use std::{
     time::UNIX_EPOCH,
 };
 
-use super::{JobError, Progress, memory::mebibytes};
+use crate::job::{JobError, Progress, memory::mebibytes};
 
 /// A directory for files that nobody else reads.
 #[derive(Debug)]
-pub(super) struct Scratch {
+pub(crate) struct Scratch {
     path: PathBuf,
     /// Whether it goes when it is not needed any more, with all that is in it.
     is_own: bool,
@@ -24,7 +24,7 @@ impl Scratch {
     /// # Errors
     ///
     /// If `asked` is no directory that can be written to.
-    pub(super) fn choose(
+    pub(crate) fn choose(
         asked: Option<&Path>,
         job_dir: &Path,
         bytes: u64,
@@ -59,7 +59,7 @@ impl Scratch {
         Ok(Self { path, is_own: true })
     }
 
-    pub(super) fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 }

@@ -9,10 +9,10 @@ use std::collections::HashMap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{JobError, Progress, solving::BAND, tiles::SolvedTiles};
+use crate::job::{JobError, Progress, solving::BAND, tiles::SolvedTiles};
 use crate::{
     geometry::{Local, NeighborGrid, Quantization, Rect, Stored},
-    las::{CloudWriter, move_to},
+    las::{CloudWriter, RecordView},
     quality::UniformityTally,
     tile::{Guest, Plan, SeamTally, SettledTiles, Tile, blend},
     views::Field,
@@ -46,7 +46,7 @@ fn adjacent<'a>(plan: &'a Plan, tile: &'a Tile, reach: i64) -> impl Iterator<Ite
 
 /// Settles the sites of every tile; the records of each tile, moved to where
 /// they are written, replace its own.
-pub(super) fn settle(
+pub(crate) fn settle(
     plan: &Plan,
     tiles: &SolvedTiles,
     settled: &mut SettledTiles,
@@ -73,7 +73,7 @@ pub(super) fn settle(
             let place = quantization
                 .stored(place)
                 .unwrap_or_else(|| Stored::of_record(record));
-            move_to(record, place);
+            RecordView::new(record).move_to(place);
         }
         settled.add(tile.id, &own.records)?;
         progress.advance(1);
@@ -84,7 +84,7 @@ pub(super) fn settle(
 /// Writes the settled tiles, in the order of the plan, and measures the
 /// distances between their points, across seams as elsewhere.
 #[expect(clippy::too_many_arguments, reason = "the job's parts, each used once")]
-pub(super) fn write(
+pub(crate) fn write(
     plan: &Plan,
     settled: &SettledTiles,
     quantization: &Quantization,
