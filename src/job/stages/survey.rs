@@ -6,9 +6,10 @@ use rayon::prelude::*;
 
 use crate::job::{JobError, LeftOut};
 use crate::{
-    config::{Settings, Target},
+    config::Settings,
     geometry::Quantization,
     las::{Crs, InputFile, PointFilter, RecordFormat, Vlr, expand_inputs},
+    spacing::Target,
 };
 
 /// What the headers of all inputs say, and what follows for the run.
