@@ -393,6 +393,15 @@ impl Cell {
             .filter(|&edge| edge != RIM)
     }
 
+    /// The neighbour that bounds each edge, counter-clockwise as seen from the tip of the
+    /// patch's third axis; `None` for the edges of the bounding polygon.
+    pub(crate) fn edge_neighbors(
+        &self,
+    ) -> impl DoubleEndedIterator<Item = Option<u32>> + ExactSizeIterator + '_ {
+        let edges = self.corners().iter().map(|corner| corner.edge);
+        edges.map(|edge| (edge != RIM).then_some(edge))
+    }
+
     /// The edges that neighbours made: whose, and from where to where, in the frame of
     /// the patch, from the site.
     pub(super) fn edges(&self) -> impl Iterator<Item = (u32, Local, Local)> + '_ {

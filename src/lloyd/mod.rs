@@ -27,6 +27,7 @@ mod neighborhoods;
 mod nodes;
 mod relaxation;
 mod restriction;
+mod rings;
 mod scan;
 mod seeds;
 mod settings;

@@ -1,5 +1,7 @@
 //! Algorithm 1 of the paper, over the sites that matter to one tile.
 
+use std::ops::ControlFlow;
+
 use rayon::prelude::*;
 
 use super::{
@@ -10,6 +12,7 @@ use super::{
     elect,
     fit::is_allowed,
     neighborhoods::{BLOCK, BLOCKS_AT_ONCE, Neighborhoods},
+    rings::{Edges, GAP, Rings},
     step::Step,
 };
 use crate::geometry::{AT_ONCE, Cell, Local, Moments, OccupiedCells, PatchKind, Stored, cell_of};
@@ -191,23 +194,83 @@ struct Sites<'a> {
     steps: Vec<Step>,
 }
 
+/// Receives the share of the work that is done, between 0 and 1, from time to time, and says
+/// whether the solver goes on.
+pub(crate) type Monitor<'a> = &'a dyn Fn(f64) -> ControlFlow<()>;
+
+/// The solver was stopped by its [`Monitor`] before it had a result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Cancelled;
+
 /// Runs the paper's Algorithm 1 on `scan`, for the sites of `domain`.
 pub fn solve(scan: &Scan, domain: &TileRegion, options: &SolverOptions) -> Solution {
-    solve_watched(scan, domain, options, &|_| {})
+    solve_watched(scan, domain, options, &|_| ControlFlow::Continue(()))
+        .expect("nothing stops the solver")
+}
+
+/// Runs the paper's Algorithm 1 on `scan`, for the sites of `domain`, and gives the ring of
+/// neighbours of every site beside it. `monitor` is consulted before and after the election
+/// of the seeds and before every iteration.
+///
+/// # Errors
+///
+/// [`Cancelled`] if `monitor` stops the solver.
+#[cfg_attr(
+    all(not(test), feature = "formats"),
+    expect(
+        dead_code,
+        reason = "the front door of the library, to come, is its caller"
+    )
+)]
+pub(crate) fn solve_with_rings(
+    scan: &Scan,
+    domain: &TileRegion,
+    options: &SolverOptions,
+    monitor: Monitor<'_>,
+) -> Result<(Solution, Rings), Cancelled> {
+    run(scan, domain, options, monitor, |sites| {
+        sites.describe_with_rings()
+    })
 }
 
 /// Of the time that [`solve`] takes, what passes until the seeds are elected and described,
 /// about.
 const ELECTION_SHARE: f64 = 0.48;
 
-/// As [`solve`]; `watch` is told now and then what share of the work is done, about.
+/// Of the time that [`solve`] takes, the share that has passed when the seeds are elected.
+const SEEDS_SHARE: f64 = 0.36;
+
+/// Runs the paper's Algorithm 1 on `scan`, for the sites of `domain`. `monitor` is consulted
+/// before and after the election of the seeds and before every iteration.
+///
+/// # Errors
+///
+/// [`Cancelled`] if `monitor` stops the solver.
 pub(crate) fn solve_watched(
     scan: &Scan,
     domain: &TileRegion,
     options: &SolverOptions,
-    watch: &dyn Fn(f64),
-) -> Solution {
+    monitor: Monitor<'_>,
+) -> Result<Solution, Cancelled> {
+    let describe = |sites: &mut Sites<'_>| (sites.describe(), ());
+    run(scan, domain, options, monitor, describe).map(|(solution, ())| solution)
+}
+
+/// Runs Algorithm 1; `describe` gives the sites at the end, and what is wanted beside them.
+fn run<T>(
+    scan: &Scan,
+    domain: &TileRegion,
+    options: &SolverOptions,
+    monitor: Monitor<'_>,
+    describe: impl FnOnce(&mut Sites<'_>) -> (Vec<Site>, T),
+) -> Result<(Solution, T), Cancelled> {
+    let consult = |share: f64| match monitor(share) {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => Err(Cancelled),
+    };
+    consult(0.0)?;
     let all = elect(scan, options);
+    consult(SEEDS_SHARE)?;
     let cone = DependencyCone::new(domain, options, scan.quantization());
     // Sites beyond the widest ring can matter to nobody here.
     let (identities, positions): (Vec<Stored>, Vec<Local>) = all
@@ -231,7 +294,7 @@ pub(crate) fn solve_watched(
     for iteration in 0..options.iterations {
         // The first ones take longer: more sites move, and more patches are fitted.
         let share = (f64::from(iteration) / f64::from(options.iterations)).powf(0.85);
-        watch(ELECTION_SHARE + (1.0 - ELECTION_SHARE) * share);
+        consult(ELECTION_SHARE + (1.0 - ELECTION_SHARE) * share)?;
         convergence.push(match iteration {
             0 => sums(domain, &seeds),
             _ => sites.lloyd_step(&cone, iteration),
@@ -243,13 +306,14 @@ pub(crate) fn solve_watched(
         });
         sites.go(next);
     }
-    let ended = sites.describe();
+    let (ended, beside) = describe(&mut sites);
     convergence.push(sums(domain, &ended));
-    Solution {
+    let solution = Solution {
         sites: ended,
         seeds,
         convergence,
-    }
+    };
+    Ok((solution, beside))
 }
 
 /// The points of `scan` themselves as sites, with the cells they have on
@@ -390,11 +454,39 @@ impl<'a> Sites<'a> {
         })
     }
 
-    /// What `figure` tells of the sites, in the order of their identities.
+    /// The sites of core and band as [`describe`](Self::describe) gives them, and the rings
+    /// of their neighbours.
+    fn describe_with_rings(&mut self) -> (Vec<Site>, Rings) {
+        let (scan, options, domain) = (self.scan, self.options, self.domain);
+        let count = self.steps.len();
+        let mut found = self.of_all(|step, identity, mut around| {
+            domain.wants(identity).then(|| {
+                let moments = step.clip(scan, options, &mut around);
+                let site = site(identity, step, moments, &mut around);
+                (site, edges(step, moments, &around))
+            })
+        });
+        found.par_sort_unstable_by_key(|(site, _)| site.identity);
+        let (sites, edges): (Vec<Site>, Vec<Edges>) = found.into_iter().unzip();
+        (sites, Rings::new(&edges, count))
+    }
+
+    /// The results of `figure` for the sites, in the order of their identities.
     fn figures(
         &mut self,
         figure: impl Fn(&mut Step, Stored, Around<'_>) -> Option<Site> + Sync,
     ) -> Vec<Site> {
+        let mut sites = self.of_all(figure);
+        sites.par_sort_unstable_by_key(|site| site.identity);
+        sites
+    }
+
+    /// The results of `figure` for the sites, in the order of the sites; far neighbours may
+    /// close their cells.
+    fn of_all<T: Clone + Send>(
+        &mut self,
+        figure: impl Fn(&mut Step, Stored, Around<'_>) -> Option<T> + Sync,
+    ) -> Vec<T> {
         let mut found = vec![None; self.steps.len()];
         by_block(
             &mut self.steps,
@@ -406,9 +498,7 @@ impl<'a> Sites<'a> {
                 *found = figure(step, self.identities[around.site], around);
             },
         );
-        let mut sites: Vec<Site> = found.into_par_iter().flatten().collect();
-        sites.par_sort_unstable_by_key(|site| site.identity);
-        sites
+        found.into_par_iter().flatten().collect()
     }
 
     /// Which sites are exact.
@@ -440,6 +530,25 @@ fn site(
         area: moments.map_or(0.0, |m| m.area),
         energy: moments.map_or(0.0, |m| m.energy),
         nearest: nearest.unwrap_or(f64::INFINITY),
+    }
+}
+
+/// The edges of the cell that was clipped last for the site of `step`, if it has `moments`.
+fn edges(step: &mut Step, moments: Option<Moments>, around: &Around<'_>) -> Edges {
+    let patch = step.trusted().map(|fit| fit.patch);
+    let known = patch.filter(|_| moments.is_some()).map(|patch| {
+        let cell = &around.scratch.cell;
+        let edges = cell.edge_neighbors().map(|edge| edge.unwrap_or(GAP));
+        // The order of the cell is that of the patch's frame, whose axis may point downwards.
+        let (normal, _) = patch.upwards();
+        match normal.dot(&patch.axes[2]) < 0.0 {
+            true => edges.rev().collect(),
+            false => edges.collect(),
+        }
+    });
+    Edges {
+        site: around.site as u32,
+        around: known.unwrap_or_default(),
     }
 }
 
@@ -489,4 +598,161 @@ fn by_block<T: Send>(
 fn sums(domain: &TileRegion, sites: &[Site]) -> DistanceSums {
     let counts = |site: &&Site| site.nearest.is_finite() && domain.core.contains(site.identity);
     DistanceSums::of(sites.iter().filter(counts).map(|site| site.nearest))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell as Counter;
+
+    use super::*;
+    use crate::geometry::{Quantization, spread};
+
+    const QUANTIZATION: Quantization = Quantization {
+        scale: 1e-5,
+        offset: [0.0; 3],
+    };
+
+    fn go_on(_: f64) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
+    fn with_rings(places: &[Local], options: &SolverOptions) -> (Solution, Rings) {
+        let points = places.iter().filter_map(|&p| QUANTIZATION.stored(p));
+        let scan = Scan::new(points.collect(), QUANTIZATION, options);
+        solve_with_rings(&scan, &TileRegion::everything(), options, &go_on).unwrap()
+    }
+
+    /// The nodes of a hexagonal lattice of edge `edge` within 1 of the origin, in the plane
+    /// spanned by `u` and `v`.
+    fn lattice(edge: f64, u: Local, v: Local) -> Vec<Local> {
+        let node = |i: i32, j: i32| {
+            let [i, j] = [i, j].map(f64::from);
+            (u * (i + 0.5 * j) + v * (j * 0.75_f64.sqrt())) * edge
+        };
+        (-60..=60)
+            .flat_map(|i| (-60..=60).map(move |j| node(i, j)))
+            .filter(|p| p.norm() < 1.0)
+            .collect()
+    }
+
+    /// Even points of the unit sphere.
+    fn sphere(count: u64) -> Vec<Local> {
+        let unit = |k: u64| spread(k) as f64 / u64::MAX as f64;
+        (0..count)
+            .map(|k| {
+                let (z, turn) = (
+                    2.0 * unit(2 * k) - 1.0,
+                    std::f64::consts::TAU * unit(2 * k + 1),
+                );
+                let wide = (1.0 - z * z).sqrt();
+                Local::new(wide * turn.cos(), wide * turn.sin(), z)
+            })
+            .collect()
+    }
+
+    /// Whether `ring` runs counter-clockwise around `site` as seen from the tip of its normal:
+    /// every turn from one neighbour to the next is to the left, and all of them make one.
+    fn is_counter_clockwise(site: &Site, sites: &[Site], ring: &[u32]) -> bool {
+        let normal = site.normal.unwrap();
+        let towards = |k: usize| sites[ring[k % ring.len()] as usize].position - site.position;
+        let turn = |k: usize| {
+            let (here, next) = (towards(k), towards(k + 1));
+            normal.dot(&here.cross(&next)).atan2(here.dot(&next))
+        };
+        let turns: Vec<f64> = (0..ring.len()).map(turn).collect();
+        let whole = turns.iter().sum::<f64>();
+        turns.iter().all(|&turn| turn > 0.0) && (whole - std::f64::consts::TAU).abs() < 0.5
+    }
+
+    #[test]
+    fn a_site_inside_a_hexagonal_lattice_has_a_ring_of_six() {
+        let edge = 0.05;
+        let options = SolverOptions {
+            fit_radius: 2.2 * edge,
+            iterations: 3,
+            ..SolverOptions::new(edge)
+        };
+        for [u, v] in [[Local::x(), Local::y()], [Local::y(), Local::z()]] {
+            let (solution, rings) = with_rings(&lattice(edge, u, v), &options);
+            let (mut inner, mut open) = (0, 0);
+            for (k, site) in solution.sites.iter().enumerate() {
+                let ring = rings.of(k);
+                assert_eq!(ring.neighbors.len(), usize::from(site.neighbors));
+                assert_eq!(ring.is_closed, site.is_closed);
+                open += usize::from(!ring.is_closed);
+                if site.position.norm() < 0.6 {
+                    inner += 1;
+                    assert!(ring.is_closed && ring.neighbors.len() == 6, "{ring:?}");
+                    assert!(is_counter_clockwise(site, &solution.sites, ring.neighbors));
+                    let step = |&n: &u32| solution.sites[n as usize].position - site.position;
+                    let is_near = |n| (step(n).norm() / edge - 1.0).abs() < 0.01;
+                    assert!(ring.neighbors.iter().all(is_near));
+                }
+            }
+            assert!(inner > 450 && open > 40, "{inner} {open}");
+        }
+    }
+
+    #[test]
+    fn on_a_sphere_all_rings_are_closed_and_neighbors_know_each_other() {
+        let (solution, rings) = with_rings(&sphere(40_000), &SolverOptions::new(0.1));
+        let (mut all, mut mutual) = (0, 0);
+        for (k, site) in (0..).zip(&solution.sites) {
+            let ring = rings.of(k as usize);
+            assert!(ring.is_closed);
+            assert_eq!(ring.neighbors.len(), usize::from(site.neighbors));
+            assert!(is_counter_clockwise(site, &solution.sites, ring.neighbors));
+            for &other in ring.neighbors {
+                all += 1;
+                mutual += usize::from(rings.of(other as usize).neighbors.contains(&k));
+            }
+        }
+        let few = solution.sites.len();
+        assert!(
+            few > 1000 && all > 5 * few && all - mutual < all / 100,
+            "{mutual} of {all}"
+        );
+    }
+
+    #[test]
+    fn rings_do_not_change_the_solution() {
+        let options = SolverOptions::new(0.15);
+        let points: Vec<Stored> = sphere(20_000)
+            .iter()
+            .filter_map(|&p| QUANTIZATION.stored(p))
+            .collect();
+        let scan = Scan::new(points, QUANTIZATION, &options);
+        let region = TileRegion::everything();
+        let (with, _) = solve_with_rings(&scan, &region, &options, &go_on).unwrap();
+        assert_eq!(with.sites, solve(&scan, &region, &options).sites);
+    }
+
+    #[test]
+    fn the_solver_stops_at_any_consultation() {
+        let options = SolverOptions {
+            iterations: 4,
+            ..SolverOptions::new(0.2)
+        };
+        let points = sphere(5_000);
+        let points = points.iter().filter_map(|&p| QUANTIZATION.stored(p));
+        let scan = Scan::new(points.collect(), QUANTIZATION, &options);
+        let solve_until = |last: usize| {
+            let (calls, share) = (Counter::new(0), Counter::new(-1.0));
+            let monitor = |now: f64| {
+                assert!(now > share.replace(now) && now < 1.0);
+                calls.set(calls.get() + 1);
+                match calls.get() < last {
+                    true => ControlFlow::Continue(()),
+                    false => ControlFlow::Break(()),
+                }
+            };
+            let result = solve_watched(&scan, &TileRegion::everything(), &options, &monitor);
+            (result.is_ok(), calls.get())
+        };
+        // Before and after the election, and before each of four iterations.
+        for last in 1..=6 {
+            assert_eq!(solve_until(last), (false, last));
+        }
+        assert_eq!(solve_until(7), (true, 6));
+    }
 }

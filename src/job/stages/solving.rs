@@ -1,5 +1,7 @@
 //! One tile, alone: from the spill to a solved tile and its figures.
 
+use std::ops::ControlFlow;
+
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -109,7 +111,9 @@ pub(crate) fn solve_tile(
     };
     let solution = solve_watched(&scan, &domain, options, &|share| {
         watch(SOLVER_SHARE * share);
-    });
+        ControlFlow::Continue(())
+    })
+    .expect("nothing stops the solver");
     // What follows is said of what was scanned.
     let scan = scanned.unwrap_or(scan);
     let (own, band): (Vec<Site>, Vec<Site>) = solution
