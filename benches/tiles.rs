@@ -5,8 +5,8 @@ use std::{hint::black_box, path::Path, sync::atomic::AtomicBool};
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use lloydar::internals::{
-    CellGrid, Guest, Local, Opener, PointCounts, Rect, ScatterOptions, SeamTally, SolvedSite,
-    Source, SourceError, Spill, Stored, blend, scatter,
+    CellGrid, Local, NeighborSites, Opener, PointCounts, Rect, ScatterOptions, SeamTally,
+    SolvedSite, Source, SourceError, Spill, Stored, blend, scatter,
 };
 
 const RECORD: usize = 36;
@@ -120,7 +120,7 @@ fn stitch(criterion: &mut Criterion) {
             .collect()
     };
     let own = sites(0..500);
-    let guests = [Guest {
+    let neighbors = [NeighborSites {
         core: rect(500, 1000),
         sites: sites(450..500),
     }];
@@ -129,7 +129,7 @@ fn stitch(criterion: &mut Criterion) {
     group.bench_function("a tile and what its neighbour says of it", |b| {
         b.iter(|| {
             let mut tally = SeamTally::new(1.0);
-            black_box(blend(&rect(0, 500), &own, &guests, 50, &mut tally))
+            black_box(blend(&rect(0, 500), &own, &neighbors, 50, &mut tally))
         });
     });
     group.finish();

@@ -90,8 +90,8 @@ pub mod internals {
         quality::{CellFigures, DistanceFigures, DistanceTally, Uniformity, UniformityTally},
         simulate::{SimulatedPoint, Street, StreetOptions},
         tile::{
-            Guest, Opener, PointCounts, ScatterOptions, SeamTally, SolvedSite, Source, SourceError,
-            Spill, TileError, blend, scatter,
+            NeighborSites, Opener, PointCounts, ScatterOptions, SeamTally, SolvedSite, Source,
+            SourceError, Spill, TileError, blend, scatter,
         },
         tiling::CellGrid,
     };

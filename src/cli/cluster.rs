@@ -26,21 +26,21 @@ use super::{
 pub(super) struct Others {
     /// Seconds of silence after which another process is taken for dead, and its work is
     /// taken over
-    #[arg(long, value_name = "SECONDS", default_value_t = Worker::PATIENCE.as_secs(), value_parser = clap::value_parser!(u64).range(15..))]
+    #[arg(long, value_name = "SECONDS", default_value_t = Worker::DEFAULT_HEARTBEAT_TIMEOUT.as_secs(), value_parser = clap::value_parser!(u64).range(15..))]
     patience: u64,
     /// How many processes may die over the same work before it is given up
-    #[arg(long, value_name = "N", default_value_t = Worker::ATTEMPTS, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = Worker::DEFAULT_RETRY_LIMIT, value_parser = clap::value_parser!(u32).range(1..))]
     attempts: u32,
 }
 
 impl Others {
-    fn worker(&self, threads: usize, shard: Option<(u32, u32)>, waits: bool) -> Worker {
+    fn worker(&self, threads: usize, shard: Option<(u32, u32)>, waits_for_others: bool) -> Worker {
         Worker {
             threads,
             shard,
-            patience: Duration::from_secs(self.patience),
-            attempts: self.attempts,
-            waits,
+            heartbeat_timeout: Duration::from_secs(self.patience),
+            retry_limit: self.attempts,
+            waits_for_others,
         }
     }
 }
@@ -69,9 +69,9 @@ impl Sharing {
         Look::choose(self.quiet, self.log == "json")
     }
 
-    fn worker(&self, shard: Option<(u32, u32)>, waits: bool) -> Worker {
+    fn worker(&self, shard: Option<(u32, u32)>, waits_for_others: bool) -> Worker {
         let threads = self.threads.unwrap_or_else(super::cores);
-        self.others.worker(threads, shard, waits)
+        self.others.worker(threads, shard, waits_for_others)
     }
 }
 
@@ -150,7 +150,7 @@ pub(super) fn status(dir: &Path, json: bool) -> Result<u8, JobError> {
             thousands(status.solved),
             thousands(status.tiles),
             100.0 * status.share,
-            match status.seconds {
+            match status.remaining_seconds {
                 Some(seconds) if status.solved < status.tiles =>
                     format!("; {} to go", duration(seconds)),
                 _ => String::new(),
@@ -161,12 +161,12 @@ pub(super) fn status(dir: &Path, json: bool) -> Result<u8, JobError> {
         Some(_) => "group",
         None => "tiles",
     };
-    for group in &status.begun {
+    for group in &status.claimed {
         result!(
             "  {members} {:?}: attempt {}, last heard of {:.0} s ago",
             group.members,
             group.attempt,
-            group.silent
+            group.silent_seconds
         );
     }
     Ok(0)
@@ -174,7 +174,7 @@ pub(super) fn status(dir: &Path, json: bool) -> Result<u8, JobError> {
 
 /// Prints the minutes that tasks should be given.
 pub(super) fn limit(dir: &Path, tasks: u32, cores: u32) -> Result<u8, JobError> {
-    result!("{}", JobStatus::minutes_at_most(dir, tasks, cores)?);
+    result!("{}", JobStatus::time_limit_minutes(dir, tasks, cores)?);
     Ok(0)
 }
 

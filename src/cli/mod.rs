@@ -21,7 +21,7 @@ use crate::{
     las::{InputFile, expand_inputs},
     picture::View,
     report::{REPORT_PAGE, Report, VIEWER_PAGE},
-    views::{Coloring, Picture, render},
+    views::{Coloring, PictureOptions, render},
 };
 use clap::{CommandFactory, Parser, Subcommand};
 
@@ -311,7 +311,7 @@ fn run(command: Command) -> Result<u8, JobError> {
             size,
             point_size,
         } => {
-            let picture = Picture {
+            let picture = PictureOptions {
                 view,
                 coloring: by,
                 size,

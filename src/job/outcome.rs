@@ -1,7 +1,7 @@
 //! What a job did.
 
 use super::{InputCount, JobPlan, ResourceSample, StageCost, TileFigures, writing::Stitched};
-use crate::views::{DetailView, Excerpt, Field, WorstPlace};
+use crate::views::{DetailView, UniformityMap, ViewerSample, WorstPlace};
 
 /// What a job did.
 #[derive(Clone, Debug)]
@@ -23,11 +23,11 @@ pub(crate) struct Outcome {
     /// One place before and after.
     pub(crate) detail: DetailView,
     /// A square to be walked around.
-    pub(crate) excerpt: Excerpt,
+    pub(crate) viewer_sample: ViewerSample,
     /// What came out, as a picture in PNG.
-    pub(crate) portrait: Vec<u8>,
+    pub(crate) overview: Vec<u8>,
     /// Figures square by square.
-    pub(crate) field: Field,
+    pub(crate) uniformity_map: UniformityMap,
     /// Where the output is least even.
     pub(crate) worst: Vec<WorstPlace>,
     /// What each stage took.

@@ -32,11 +32,11 @@ use crate::{
     lloyd::SolverOptions,
     picture::View,
     tile::{SettledTiles, Spill, Tile, TileError},
-    views::{Coloring, Field, Look, Picture, WorstPlace, draw},
+    views::{CloudPair, Coloring, PictureOptions, UniformityMap, WorstPlace, draw_picture},
 };
 
 /// The picture of what came out.
-const PORTRAIT: Picture = Picture {
+const OVERVIEW: PictureOptions = PictureOptions {
     view: View::Oblique,
     coloring: Coloring::Auto,
     size: [1280, 640],
@@ -44,7 +44,7 @@ const PORTRAIT: Picture = Picture {
 };
 
 /// Seconds that come after the tiles are solved: for a million points of the output to be
-/// stitched, written and sorted, and for a look at them.
+/// stitched, written and sorted, and for the views of them.
 const STITCH_SECONDS: f64 = 0.2;
 const WRITE_SECONDS: f64 = 0.5;
 const SORT_SECONDS: f64 = 0.7;
@@ -93,7 +93,7 @@ impl Job {
     ) -> Result<Option<Outcome>, JobError> {
         let format = self.check_output()?;
         let pool = threads(self.settings.threads)?;
-        let worker = Worker::to_the_end(self.settings.threads);
+        let worker = Worker::until_all_is_done(self.settings.threads);
         self.watched(progress, |forecast, mut clock| {
             let prepared = pool.install(|| self.prepare(&worker, forecast, cancel, &mut clock))?;
             let Some(running) = prepared else {
@@ -160,7 +160,7 @@ impl Job {
         cancel: &AtomicBool,
     ) -> Result<Option<JobPlan>, JobError> {
         let pool = threads(self.settings.threads)?;
-        let worker = Worker::to_the_end(self.settings.threads);
+        let worker = Worker::until_all_is_done(self.settings.threads);
         let prepared = self.watched(progress, |progress, mut clock| {
             pool.install(|| self.prepare(&worker, progress, cancel, &mut clock))
         })?;
@@ -488,7 +488,7 @@ impl Job {
         let tiles: Vec<TileFigures> = figures.collect::<Result<_, JobError>>()?;
         let largest = tiles.iter().max_by_key(|tile| tile.sites);
         let largest = largest.map_or(0, |figures| figures.tile.id);
-        let look = Look {
+        let clouds = CloudPair {
             plan,
             spill: &running.spill,
             settled: &settled,
@@ -498,7 +498,7 @@ impl Job {
             quantization,
             spacing,
         };
-        let mut field = Field::of_input(&running.spill);
+        let mut uniformity_map = UniformityMap::of_input(&running.spill);
         progress.begin("write", plan.tiles.len() as u64, 0, Unit::Tiles);
         let header = CloudHeader {
             record: running.transfer.record().clone(),
@@ -530,29 +530,29 @@ impl Job {
             spacing,
             running.transfer.record().record_length(),
             seams,
-            &mut field,
+            &mut uniformity_map,
             &mut writer,
             progress,
         )?;
         progress.end();
         clock.stop("write");
-        let portrait = draw(
-            &PORTRAIT,
+        let overview = draw_picture(
+            &OVERVIEW,
             writer.points(),
             running.transfer.record().has_color(),
             quantization,
-            &|draw| look.visit(draw),
+            &|draw| clouds.visit(draw),
         )?;
-        let worst = field.worst().into_iter().map(|(delta, point)| {
+        let worst = uniformity_map.worst().into_iter().map(|(delta, point)| {
             Ok(WorstPlace {
                 place: quantization.world(point),
                 delta,
-                detail: look.around([point.x.into(), point.y.into()])?,
+                detail: clouds.around([point.x.into(), point.y.into()])?,
             })
         });
         let worst = worst.collect::<Result<Vec<WorstPlace>, JobError>>()?;
-        let detail = look.at_middle(largest)?;
-        let excerpt = look.excerpt(largest)?;
+        let detail = clouds.at_middle(largest)?;
+        let viewer_sample = clouds.viewer_sample(largest)?;
         clock.stop("look");
         if self.is_sorted() {
             progress.begin("sort", running.plan.points_out, 0, Unit::Points);
@@ -585,9 +585,9 @@ impl Job {
             tiles,
             stitched,
             detail,
-            excerpt,
-            field,
-            portrait,
+            viewer_sample,
+            uniformity_map,
+            overview,
             worst,
             points,
             bytes: cloud.bytes(),

@@ -12,7 +12,7 @@ use crate::{
     job::{InputCount, Outcome, ResourceSample, StageCost},
     lloyd::DistanceSums,
     quality::{DistanceFigures, DistanceTally, Uniformity, UniformityTally},
-    views::{DetailView, Excerpt},
+    views::{DetailView, ViewerSample},
 };
 
 pub(crate) use verdict::verdicts;
@@ -77,7 +77,7 @@ pub(crate) struct Report {
     pub(crate) detail: DetailView,
     /// A square to be walked around.
     #[serde(skip)]
-    pub(crate) excerpt: Excerpt,
+    pub(crate) excerpt: ViewerSample,
     /// What came out, as a picture in PNG.
     #[serde(skip)]
     pub(crate) portrait: Vec<u8>,
@@ -247,8 +247,8 @@ impl Report {
             histogram_seeds: seeds.histogram(BINS, SPANNED),
             histogram: stitched.all.histogram(BINS, SPANNED),
             detail: outcome.detail.clone(),
-            excerpt: outcome.excerpt.clone(),
-            portrait: outcome.portrait.clone(),
+            excerpt: outcome.viewer_sample.clone(),
+            portrait: outcome.overview.clone(),
             area: area(outcome),
             worst: outcome
                 .worst
@@ -338,8 +338,8 @@ impl Report {
 
 fn area(outcome: &Outcome) -> AreaMap {
     let spacing = outcome.plan.spacing;
-    let (edge, corner) = outcome.field.ground(&outcome.plan.quantization);
-    let squares = outcome.field.squares().map(|(place, square)| {
+    let (edge, corner) = outcome.uniformity_map.ground(&outcome.plan.quantization);
+    let squares = outcome.uniformity_map.squares().map(|(place, square)| {
         let distances = &square.distances;
         SquareRow {
             place,

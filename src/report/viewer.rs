@@ -7,7 +7,7 @@ use flate2::{Compression, write::ZlibEncoder};
 use serde_json::json;
 
 use super::{Report, page, thousands};
-use crate::views::{Excerpt, ShownPoint};
+use crate::views::{ViewerPoint, ViewerSample};
 
 /// The parts of three.js that are used (MIT licence, at its top): `scripts/bundle-three`
 /// makes it.
@@ -35,7 +35,7 @@ pub(super) fn viewer(report: &Report) -> Option<String> {
         "borders": excerpt.borders,
     });
     let all = excerpt.before.iter().chain(&excerpt.after);
-    let has = |what: fn(&ShownPoint) -> u8| {
+    let has = |what: fn(&ViewerPoint) -> u8| {
         let mut values = all.clone().map(what);
         let first = values.next();
         values.any(|value| Some(value) != first)
@@ -91,7 +91,7 @@ pub(super) fn viewer(report: &Report) -> Option<String> {
     Some(whole)
 }
 
-fn before(excerpt: &Excerpt) -> String {
+fn before(excerpt: &ViewerSample) -> String {
     let shown = excerpt.before.len() as u64;
     match shown == excerpt.scanned {
         true => thousands(shown),
@@ -101,7 +101,7 @@ fn before(excerpt: &Excerpt) -> String {
 
 /// Points as `viewer.js` unpacks them: planes of x, y and z (steps from the point before, 16
 /// bits), red, green, blue, intensity, class and distance, compressed, as text.
-fn packed(points: &[ShownPoint]) -> String {
+fn packed(points: &[ViewerPoint]) -> String {
     let mut planes = Vec::with_capacity(12 * points.len());
     for axis in 0..3 {
         let mut last = 0_u16;

@@ -24,15 +24,15 @@ mod stitch;
 mod whole;
 
 pub(crate) use crate::tiling::{CellGrid, CellKey, Plan, PlanOptions, Square, Tile};
-pub(crate) use pack::Pack;
+pub(crate) use pack::BlockFile;
 pub use scatter::{Opener, ScatterOptions, Source, SourceError, scatter};
 pub(crate) use settled::SettledTiles;
 pub use solved::SolvedSite;
 pub(crate) use solved::SolvedTile;
 pub use spill::Spill;
 pub(crate) use spilling::SpillWriter;
-pub use stitch::{Guest, SeamTally, blend};
-pub(crate) use whole::{read_whole, write_whole};
+pub use stitch::{NeighborSites, SeamTally, blend};
+pub(crate) use whole::{read_checksummed, write_checksummed};
 
 use std::{io, path::Path};
 

@@ -24,7 +24,7 @@ const HEADER_BYTES: u64 = 32;
 
 /// A file of blocks.
 #[derive(Debug)]
-pub(crate) struct Pack {
+pub(crate) struct BlockFile {
     path: PathBuf,
     file: File,
     blocks: HashMap<u64, Block>,
@@ -39,7 +39,7 @@ struct Block {
     checksum: u64,
 }
 
-impl Pack {
+impl BlockFile {
     /// Opens the file at `path`, or makes it.
     ///
     /// # Errors
@@ -66,7 +66,7 @@ impl Pack {
     /// # Errors
     ///
     /// [`TileError::Io`] if it cannot be read.
-    pub(crate) fn of_another(path: &Path) -> Result<Self, TileError> {
+    pub(crate) fn open_for_reading(path: &Path) -> Result<Self, TileError> {
         let pack = File::open(path).and_then(|file| Self::found(path, file));
         pack.map_err(|source| TileError::io("open", path, source))
     }
@@ -229,11 +229,11 @@ mod tests {
     fn blocks_are_found_again_and_the_later_stands() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("pack");
-        let mut pack = Pack::open(&path).unwrap();
+        let mut pack = BlockFile::open(&path).unwrap();
         pack.append(&[(7, b"seven"), (1, b"")]).unwrap();
         pack.append(&[(7, b"seven again")]).unwrap();
         pack.flush().unwrap();
-        let again = Pack::open(&path).unwrap();
+        let again = BlockFile::open(&path).unwrap();
         for pack in [&pack, &again] {
             assert_eq!(pack.read(7).unwrap(), b"seven again");
             assert_eq!(pack.read(1).unwrap(), b"");
@@ -241,20 +241,20 @@ mod tests {
             assert!(pack.read(2).unwrap_err().to_string().contains("pack"));
         }
         assert_eq!(again.bytes(), std::fs::metadata(&path).unwrap().len());
-        assert_eq!(Pack::create(&path).unwrap().bytes(), 0);
+        assert_eq!(BlockFile::create(&path).unwrap().bytes(), 0);
     }
 
     #[test]
     fn others_read_what_is_whole() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("pack");
-        let mut own = Pack::open(&path).unwrap();
+        let mut own = BlockFile::open(&path).unwrap();
         own.append(&[(1, b"one"), (2, b"two")]).unwrap();
         let whole = own.bytes();
         own.append(&[(3, b"three")]).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         std::fs::write(&path, &bytes[..bytes.len() - 2]).unwrap();
-        let other = Pack::of_another(&path).unwrap();
+        let other = BlockFile::open_for_reading(&path).unwrap();
         assert!(other.contains(2) && !other.contains(3));
         assert_eq!(other.bytes(), whole);
         // What is not whole may be so a moment later: it is not cut off.
@@ -267,7 +267,7 @@ mod tests {
     fn what_was_left_unfinished_is_written_again() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("pack");
-        let mut pack = Pack::open(&path).unwrap();
+        let mut pack = BlockFile::open(&path).unwrap();
         pack.append(&[(1, b"one"), (2, b"two")]).unwrap();
         let before = pack.bytes() as usize;
         pack.append(&[(2, b"two, once more")]).unwrap();
@@ -285,17 +285,17 @@ mod tests {
         }
         for content in torn {
             std::fs::write(&path, content).unwrap();
-            let mut pack = Pack::open(&path).unwrap();
+            let mut pack = BlockFile::open(&path).unwrap();
             assert_eq!(pack.read(2).unwrap(), b"two");
             assert_eq!(pack.bytes() as usize, before);
             pack.append(&[(3, b"three")]).unwrap();
-            assert_eq!(Pack::open(&path).unwrap().read(3).unwrap(), b"three");
+            assert_eq!(BlockFile::open(&path).unwrap().read(3).unwrap(), b"three");
         }
         // Rot in the middle is told when it is read.
         let mut rotten = bytes;
         rotten[33] ^= 1;
         std::fs::write(&path, rotten).unwrap();
-        let pack = Pack::open(&path).unwrap();
+        let pack = BlockFile::open(&path).unwrap();
         assert!(pack.read(1).unwrap_err().to_string().contains("damaged"));
         assert_eq!(pack.read(2).unwrap(), b"two, once more");
     }

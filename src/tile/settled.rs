@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use super::{TileError, pack::Pack};
+use super::{TileError, pack::BlockFile};
 
 /// The records of the tiles, moved to where their sites end.
 #[derive(Debug)]
-pub(crate) struct SettledTiles(Pack);
+pub(crate) struct SettledTiles(BlockFile);
 
 /// The name of the file.
 const SETTLED: &str = "tiles.settled";
@@ -14,7 +14,7 @@ const SETTLED: &str = "tiles.settled";
 impl SettledTiles {
     /// No tile as yet, in the job directory `dir`.
     pub(crate) fn create(dir: &Path) -> Result<Self, TileError> {
-        Ok(Self(Pack::create(&dir.join(SETTLED))?))
+        Ok(Self(BlockFile::create(&dir.join(SETTLED))?))
     }
 
     /// Adds the records of `tile`.

@@ -19,7 +19,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::{PointCounts, TileError, read_whole, write_whole};
+use super::{PointCounts, TileError, read_checksummed, write_checksummed};
 use crate::{
     geometry::Rect,
     tiling::{Bounds, CellGrid, CellKey, MAX_OCCUPIED_CELLS, SQUARES_PER_CELL_EDGE},
@@ -319,7 +319,7 @@ impl Index {
                 out.extend(number.to_le_bytes());
             }
         }
-        write_whole(path, &out).map_err(|source| TileError::io("write", path, source))
+        write_checksummed(path, &out).map_err(|source| TileError::io("write", path, source))
     }
 
     /// The index at `path`; `None` if it is not what was written.
@@ -328,7 +328,8 @@ impl Index {
     ///
     /// [`TileError::Io`] if it cannot be read.
     pub(super) fn read(path: &Path) -> Result<Option<Self>, TileError> {
-        let content = read_whole(path).map_err(|source| TileError::io("read", path, source))?;
+        let content =
+            read_checksummed(path).map_err(|source| TileError::io("read", path, source))?;
         Ok(content.and_then(|content| Self::decode(&content)))
     }
 

@@ -65,7 +65,7 @@ impl SeamTally {
 
 /// One tile's say on the sites of another.
 #[derive(Clone, Debug)]
-pub struct Guest {
+pub struct NeighborSites {
     /// The core of the tile that speaks.
     pub core: Rect,
     /// Its sites that are at home in the other, by identity.
@@ -79,7 +79,7 @@ pub struct Guest {
 pub fn blend(
     core: &Rect,
     own: &[SolvedSite],
-    guests: &[Guest],
+    neighbors: &[NeighborSites],
     band: i64,
     tally: &mut SeamTally,
 ) -> Vec<Local> {
@@ -90,15 +90,15 @@ pub fn blend(
     // all agree it is zero, and the owner's bits remain.
     let mut blends: Vec<(f64, Local)> = vec![(0.0, Local::zeros()); own.len()];
     let mut farthest: Vec<Option<f64>> = vec![None; own.len()];
-    for guest in guests {
-        for site in &guest.sites {
+    for neighbor in neighbors {
+        for site in &neighbor.sites {
             let Ok(place) = own.binary_search_by_key(&site.identity, |s| s.identity) else {
                 tally.unmatched += 1;
                 continue;
             };
             let difference = site.position - own[place].position;
             let distance = difference.norm();
-            let share = weight(&guest.core, site);
+            let share = weight(&neighbor.core, site);
             blends[place].0 += share;
             blends[place].1 += difference * share;
             let seen = farthest[place].get_or_insert(0.0);
@@ -155,11 +155,11 @@ mod tests {
         let (west, east) = (rect(0, 100), rect(100, 200));
         let at = |core: Rect, other: Rect, x: i32, own_shift: f64, guest_shift: f64| {
             let mut tally = SeamTally::new(10.0);
-            let guest = Guest {
+            let neighbor = NeighborSites {
                 core: other,
                 sites: vec![site(x, guest_shift)],
             };
-            blend(&core, &[site(x, own_shift)], &[guest], 20, &mut tally)[0].x - f64::from(x)
+            blend(&core, &[site(x, own_shift)], &[neighbor], 20, &mut tally)[0].x - f64::from(x)
         };
         let shifts: Vec<f64> = (82..119)
             .map(|x| {
@@ -180,11 +180,11 @@ mod tests {
     fn agreement_keeps_the_owners_bits_and_another_basin_its_word() {
         let mut tally = SeamTally::new(1.0);
         let own = [site(95, 0.1), site(97, 0.1), site(99, 0.1)];
-        let guest = Guest {
+        let neighbor = NeighborSites {
             core: rect(100, 200),
             sites: vec![site(95, 0.1), site(97, 0.5), site(98, 0.0)],
         };
-        let places = blend(&rect(0, 100), &own, &[guest], 20, &mut tally);
+        let places = blend(&rect(0, 100), &own, &[neighbor], 20, &mut tally);
         assert_eq!(places[0], own[0].position);
         assert_eq!(places[1], own[1].position);
         assert_eq!(places[2], own[2].position);

@@ -16,7 +16,7 @@ use crate::geometry::spread;
 /// # Errors
 ///
 /// As the operating system says; what stood under the name still does then.
-pub(crate) fn write_whole(path: &Path, content: &[u8]) -> io::Result<()> {
+pub(crate) fn write_checksummed(path: &Path, content: &[u8]) -> io::Result<()> {
     let aside = path.with_extension("part");
     let mut file = File::create(&aside)?;
     file.write_all(content)?;
@@ -30,7 +30,7 @@ pub(crate) fn write_whole(path: &Path, content: &[u8]) -> io::Result<()> {
 /// # Errors
 ///
 /// As the operating system says.
-pub(crate) fn read_whole(path: &Path) -> io::Result<Option<Vec<u8>>> {
+pub(crate) fn read_checksummed(path: &Path) -> io::Result<Option<Vec<u8>>> {
     let mut bytes = fs::read(path)?;
     let Some(content) = checked(&bytes).map(<[u8]>::len) else {
         return Ok(None);
@@ -63,8 +63,8 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("file");
         let content: Vec<u8> = (0..203_u32).map(|i| (i * i) as u8).collect();
-        write_whole(&path, &content).unwrap();
-        assert_eq!(read_whole(&path).unwrap(), Some(content));
+        write_checksummed(&path, &content).unwrap();
+        assert_eq!(read_checksummed(&path).unwrap(), Some(content));
         let bytes = fs::read(&path).unwrap();
         for at in 0..bytes.len() {
             let mut flipped = bytes.clone();

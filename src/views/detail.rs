@@ -26,7 +26,7 @@ const SIDE: f64 = 24.0;
 const SHOWN: u64 = 2500;
 
 /// What a place is looked at in.
-pub(crate) struct Look<'a> {
+pub(crate) struct CloudPair<'a> {
     pub(crate) plan: &'a Plan,
     pub(crate) spill: &'a Spill,
     /// Where the sites are settled.
@@ -40,7 +40,7 @@ pub(crate) struct Look<'a> {
     pub(crate) spacing: f64,
 }
 
-impl Look<'_> {
+impl CloudPair<'_> {
     fn sites(&self, tile: u32) -> Result<Vec<Stored>, ViewError> {
         let records = self.settled.records(tile)?;
         let records = records.chunks_exact(self.record_length);

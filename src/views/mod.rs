@@ -7,8 +7,8 @@ mod picture;
 mod uniformity_map;
 mod viewer_sample;
 
-pub(crate) use detail::{DetailView, Look};
+pub(crate) use detail::{CloudPair, DetailView};
 pub(crate) use error::ViewError;
-pub(crate) use picture::{Coloring, Picture, draw, render};
-pub(crate) use uniformity_map::{Field, WorstPlace};
-pub(crate) use viewer_sample::{Excerpt, ShownPoint};
+pub(crate) use picture::{Coloring, PictureOptions, draw_picture, render};
+pub(crate) use uniformity_map::{UniformityMap, WorstPlace};
+pub(crate) use viewer_sample::{ViewerPoint, ViewerSample};

@@ -28,7 +28,7 @@ pub(crate) enum Coloring {
 
 /// How a picture is made.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Picture {
+pub(crate) struct PictureOptions {
     /// Where it is taken from.
     pub(crate) view: View,
     /// What points are coloured by.
@@ -49,7 +49,7 @@ const STRAY: f64 = 0.002;
 /// # Errors
 ///
 /// If a file cannot be read; [`ViewError::NoPoint`] if there is none.
-pub(crate) fn render(files: &[PathBuf], picture: &Picture) -> Result<Vec<u8>, ViewError> {
+pub(crate) fn render(files: &[PathBuf], picture: &PictureOptions) -> Result<Vec<u8>, ViewError> {
     let inputs = expand_inputs(files)?
         .iter()
         .map(|path| InputFile::survey(path))
@@ -58,7 +58,7 @@ pub(crate) fn render(files: &[PathBuf], picture: &Picture) -> Result<Vec<u8>, Vi
     let quantization = InputFile::common_quantization(inputs.iter());
     let count = inputs.iter().map(|input| input.points_claimed).sum();
     let visit = |draw: &mut dyn FnMut(&[u8])| visit(&inputs, &record, quantization, draw);
-    let content = draw(picture, count, record.has_color(), &quantization, &visit)?;
+    let content = draw_picture(picture, count, record.has_color(), &quantization, &visit)?;
     if content.is_empty() {
         return Err(ViewError::NoPoint);
     }
@@ -70,8 +70,8 @@ pub(crate) type Visit<'a> = dyn Fn(&mut dyn FnMut(&[u8])) -> Result<(), ViewErro
 
 /// A picture, in PNG, of the `count` points that `visit` goes through, twice; nothing if
 /// there are none.
-pub(crate) fn draw(
-    picture: &Picture,
+pub(crate) fn draw_picture(
+    picture: &PictureOptions,
     count: u64,
     has_color: bool,
     quantization: &Quantization,

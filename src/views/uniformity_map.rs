@@ -21,16 +21,16 @@ const WORST: usize = 6;
 
 /// A grid of squares over the plane; those with points.
 #[derive(Clone, Debug)]
-pub(crate) struct Field {
+pub(crate) struct UniformityMap {
     /// Edge of a square, and the south-west corner of the first (stored units).
     edge: i64,
     corner: [i64; 2],
-    squares: BTreeMap<[i64; 2], FieldSquare>,
+    squares: BTreeMap<[i64; 2], MapSquare>,
 }
 
 /// What is in a square.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct FieldSquare {
+pub(crate) struct MapSquare {
     /// Points of the input.
     pub(crate) input: u64,
     /// Points of the output.
@@ -53,7 +53,7 @@ pub(crate) struct WorstPlace {
     pub(crate) detail: DetailView,
 }
 
-impl Field {
+impl UniformityMap {
     /// A field over the points of `spill`.
     pub(crate) fn of_input(spill: &Spill) -> Self {
         let bounds = spill.bounds();
@@ -63,7 +63,7 @@ impl Field {
         let edge = times * counting;
         let first = |axis: usize| i64::from(bounds.min[axis]).div_euclid(edge);
         let corner = [first(0), first(1)];
-        let mut squares = BTreeMap::<[i64; 2], FieldSquare>::new();
+        let mut squares = BTreeMap::<[i64; 2], MapSquare>::new();
         for (place, points) in spill.squares() {
             let square = [0, 1].map(|axis| place[axis].div_euclid(times) - corner[axis]);
             squares.entry(square).or_default().input += points;
@@ -104,7 +104,7 @@ impl Field {
     }
 
     /// The squares with points, by their place from the first: eastwards, northwards.
-    pub(crate) fn squares(&self) -> impl Iterator<Item = ([i64; 2], &FieldSquare)> {
+    pub(crate) fn squares(&self) -> impl Iterator<Item = ([i64; 2], &MapSquare)> {
         self.squares.iter().map(|(&place, square)| (place, square))
     }
 

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{ViewError, detail::Look};
+use super::{ViewError, detail::CloudPair};
 use crate::{
     geometry::{NeighborGrid, Rect, Stored},
     las::DisplayAttributes,
@@ -11,7 +11,7 @@ use crate::{
 /// A square of the plane with what stands on it, before and after. Lengths are CRS units,
 /// from the square's south-west corner and from its lowest point.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Excerpt {
+pub(crate) struct ViewerSample {
     /// Its side.
     pub(crate) side: f64,
     /// Its middle (world coordinates).
@@ -27,16 +27,16 @@ pub(crate) struct Excerpt {
     /// Points of the input that lie here.
     pub(crate) scanned: u64,
     /// Of those all, or an even choice.
-    pub(crate) before: Vec<ShownPoint>,
+    pub(crate) before: Vec<ViewerPoint>,
     /// All points of the output.
-    pub(crate) after: Vec<ShownPoint>,
+    pub(crate) after: Vec<ViewerPoint>,
     /// West, south, east and north of the tiles that meet here.
     pub(crate) borders: Vec<[f64; 4]>,
 }
 
 /// A point as it is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct ShownPoint {
+pub(crate) struct ViewerPoint {
     /// Where, in steps.
     pub(crate) place: [u16; 3],
     /// Red, green and blue.
@@ -65,12 +65,12 @@ const FARTHEST: f64 = 2.0;
 /// A point of the lattice and what it looks like.
 type Seen = (Stored, DisplayAttributes);
 
-impl Look<'_> {
+impl CloudPair<'_> {
     /// A square around a place where tiles meet, if any do, near the corner of `tile`;
     /// nothing if it has no site.
-    pub(crate) fn excerpt(&self, tile: u32) -> Result<Excerpt, ViewError> {
+    pub(crate) fn viewer_sample(&self, tile: u32) -> Result<ViewerSample, ViewError> {
         let Some(middle) = self.at_corner(tile)? else {
-            return Ok(Excerpt::default());
+            return Ok(ViewerSample::default());
         };
         let half = self.half_side(middle);
         let square = Rect {
@@ -196,13 +196,13 @@ impl Look<'_> {
         before: Vec<Seen>,
         after: Vec<Seen>,
         distances: &[u8],
-    ) -> Excerpt {
+    ) -> ViewerSample {
         let scale = self.quantization.scale;
         let all = || before.iter().chain(&after);
         let mut heights: Vec<i32> = all().map(|(point, _)| point.z).collect();
         heights.par_sort_unstable();
         let [Some(&lowest), Some(&highest)] = [heights.first(), heights.last()] else {
-            return Excerpt::default();
+            return ViewerSample::default();
         };
         let stray = (STRAY * heights.len() as f64) as usize;
         let usual = [heights[stray], heights[heights.len() - 1 - stray]];
@@ -216,7 +216,7 @@ impl Look<'_> {
             .map(|(_, looks)| looks.brightness())
             .max()
             .unwrap_or(0);
-        let show = |(point, looks): &Seen, distance: u8| ShownPoint {
+        let show = |(point, looks): &Seen, distance: u8| ViewerPoint {
             place: [
                 i64::from(point.x) - square.min[0],
                 i64::from(point.y) - square.min[1],
@@ -228,7 +228,7 @@ impl Look<'_> {
             class: looks.class,
             distance,
         };
-        let sorted = |mut points: Vec<ShownPoint>| {
+        let sorted = |mut points: Vec<ViewerPoint>| {
             // Neighbours together: what is alike is packed well.
             points.par_sort_unstable_by_key(|shown| {
                 let [x, y, z] = shown.place;
@@ -239,7 +239,7 @@ impl Look<'_> {
         let world = |axis: usize, c: i64| self.quantization.offset[axis] + c as f64 * scale;
         let inside = |axis: usize, c: i64| (c - square.min[axis]).clamp(0, side) as f64 * scale;
         let meet = self.plan.tiles.iter().filter(|t| t.core.intersects(square));
-        Excerpt {
+        ViewerSample {
             side: side as f64 * scale,
             middle: [0, 1].map(|axis| world(axis, square.min[axis] + side / 2)),
             spacing: self.spacing,

@@ -1,4 +1,5 @@
-//! What the process that scattered a job hands over to those that solve its tiles.
+//! What the process that scattered a job hands over to the processes that solve its tiles: the
+//! job, the format of the records, and the plan, in one file.
 
 use std::{
     io,
@@ -8,7 +9,7 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-use super::claims::Worker;
+use super::worker::Worker;
 use crate::{
     config::Settings,
     job::{
@@ -16,59 +17,61 @@ use crate::{
         running::{Running, threads},
     },
     las::RecordFormat,
-    tile::{read_whole, write_whole},
+    tile::{read_checksummed, write_checksummed},
 };
 
-/// A job whose tiles are known, as text.
+/// A job whose tiles are known. It is stored as JSON with a checksum.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Handover {
+    /// The job, with absolute paths.
     pub(super) job: Job,
-    /// Of the scattered points.
+    /// The format of the scattered records.
     pub(super) record: RecordFormat,
+    /// The plan of the tiles.
     pub(super) plan: JobPlan,
 }
 
-const NAME: &str = "handover.json";
+/// The name of the file in the job directory.
+const HANDOVER_FILE: &str = "handover.json";
 
 impl Handover {
-    /// Whether the tiles of the job in the directory `dir` are known.
-    pub(super) fn is_in(dir: &Path) -> bool {
-        dir.join(NAME).exists()
+    /// Whether the job in the directory `dir` has been handed over.
+    pub(super) fn exists_in(dir: &Path) -> bool {
+        dir.join(HANDOVER_FILE).exists()
     }
 
-    /// What was handed over in the job directory `dir`.
+    /// Reads what was handed over in the job directory `dir`.
     ///
     /// # Errors
     ///
-    /// [`JobError::Refused`] if that is no job directory, or its points are not scattered.
+    /// [`JobError::Refused`] if `dir` is no job directory, or its points are not scattered.
     pub(super) fn read(dir: &Path) -> Result<Self, JobError> {
-        let path = dir.join(NAME);
-        let found = match read_whole(&path) {
+        let path = dir.join(HANDOVER_FILE);
+        let found = match read_checksummed(&path) {
             Err(e) if e.kind() == io::ErrorKind::NotFound => None,
             other => other.map_err(|e| JobError::io("read", &path, e))?,
         };
         let found = found.and_then(|text| serde_json::from_slice::<Self>(&text).ok());
         let mut found = found.ok_or_else(|| {
             JobError::Refused(format!(
-                "{}: holds no scattered job; `lloydar scatter` makes one",
+                "{}: contains no scattered job; `lloydar scatter` makes one",
                 dir.display()
             ))
         })?;
-        // Nodes may know it by different names.
+        // Two machines may know the directory by different paths.
         found.job.dir = dir.to_owned();
         Ok(found)
     }
 
     fn write(&self) -> Result<(), JobError> {
-        let path = self.job.dir.join(NAME);
+        let path = self.job.dir.join(HANDOVER_FILE);
         let text = serde_json::to_vec(self).expect("plain numbers and text");
-        write_whole(&path, &text).map_err(|e| JobError::io("write", &path, e))
+        write_checksummed(&path, &text).map_err(|e| JobError::io("write", &path, e))
     }
 }
 
 impl Job {
-    /// Scatters points of the job's inputs that no other process does, as `worker` among
-    /// several.
+    /// Scatters the groups of scans that no other process scatters, as `worker` among several.
     ///
     /// # Errors
     ///
@@ -79,15 +82,16 @@ impl Job {
         progress: &dyn Progress,
         cancel: &AtomicBool,
     ) -> Result<(), JobError> {
-        let job = self.anywhere()?;
+        let job = self.with_absolute_paths()?;
         let pool = threads(job.settings.threads)?;
         job.watched(progress, |progress, _| {
             pool.install(|| job.join_scatter(worker, progress, cancel))
         })
     }
 
-    /// Does all that comes before the first tile is solved, as `worker` with those who have begun
-    /// it, and hands the tiles over to whoever solves them; `None` if the job is done.
+    /// Completes everything that precedes the solving of tiles, as `worker` together with the
+    /// processes that have begun it, and hands the tiles over to the processes that solve them;
+    /// `None` if the output is complete already.
     ///
     /// # Errors
     ///
@@ -98,7 +102,7 @@ impl Job {
         progress: &dyn Progress,
         cancel: &AtomicBool,
     ) -> Result<Option<JobPlan>, JobError> {
-        let job = self.anywhere()?;
+        let job = self.with_absolute_paths()?;
         job.check_output()?;
         let pool = threads(job.settings.threads)?;
         let prepared = job.watched(progress, |progress, mut clock| {
@@ -107,7 +111,8 @@ impl Job {
         prepared
             .map(|Running { survey, plan, .. }| {
                 let record = survey.record;
-                // Whatever machine stitches them: tiles of another plan would be other tiles.
+                // The budget is fixed, whatever machine stitches the tiles: another budget would give
+                // another plan, and other tiles.
                 let settings = Settings {
                     memory: Some(plan.budget),
                     ..job.settings
@@ -119,17 +124,17 @@ impl Job {
             .transpose()
     }
 
-    /// The job whose tiles were handed over in the job directory `dir`.
+    /// Reads the job whose tiles were handed over in the job directory `dir`.
     ///
     /// # Errors
     ///
-    /// [`JobError::Refused`] if that is no job directory, or its points are not scattered.
+    /// [`JobError::Refused`] if `dir` is no job directory, or its points are not scattered.
     pub(crate) fn handed_over(dir: &Path) -> Result<Self, JobError> {
         Handover::read(dir).map(|handover| handover.job)
     }
 
-    /// This job by paths that mean the same wherever they are read.
-    fn anywhere(&self) -> Result<Self, JobError> {
+    /// Returns this job with absolute paths, which mean the same in every working directory.
+    fn with_absolute_paths(&self) -> Result<Self, JobError> {
         let absolute = |path: &PathBuf| {
             absolute(path).map_err(|e| JobError::io("find the directory of", path, e))
         };

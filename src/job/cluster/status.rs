@@ -1,13 +1,15 @@
-//! How far a job is that several processes do.
+//! How far a job is that several processes do, and how long its tasks should be given.
 
 use std::{fs, path::Path};
 
 use serde::Serialize;
 
 use super::{
-    claims::{BEAT, Claim, Ending},
+    claims::{AttemptState, Claim},
+    group_files::{TILES, block_files_of},
     handover::Handover,
-    tile_groups::{TILES, groups, packs_of},
+    tile_groups::groups,
+    worker::HEARTBEAT_INTERVAL,
 };
 use crate::{
     job::{
@@ -18,90 +20,119 @@ use crate::{
     tile::Tile,
 };
 
-/// For a task to begin, and to look at what others do.
+/// The minutes that a task is given beyond its work: to begin, and to see what others do.
 const SPARE_MINUTES: u64 = 10;
+/// A task is given this many times the time that its work should take.
+const TIME_LIMIT_FACTOR: f64 = 3.0;
+/// The number of heartbeats that may be missing before a process no longer counts as a worker in
+/// the estimate of the remaining time.
+const MISSED_HEARTBEATS: f64 = 4.0;
 
 /// How far a job is.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct JobStatus {
-    /// Groups of scans that were scattered, and all of them; nothing if that is over, or one
-    /// process does it alone.
+    /// The number of groups of scans that are scattered, and of all groups; `None` if scattering
+    /// is over, or one process does it alone.
     pub(crate) scattered: Option<[u64; 2]>,
-    /// Tiles of the job; none before all is scattered.
+    /// The number of tiles of the job; 0 before everything is scattered.
     pub(crate) tiles: u64,
-    /// Of those solved.
+    /// The number of tiles that are solved.
     pub(crate) solved: u64,
-    /// Share of the scattering that is done, or of the solving.
+    /// The share of the scattering that is done, or of the solving by its cost.
     pub(crate) share: f64,
-    /// Groups that somebody works on, or did.
-    pub(crate) begun: Vec<BegunGroup>,
-    /// Seconds until all are solved, by as many as now work; nothing if nobody does or no tile is
-    /// solved.
-    pub(crate) seconds: Option<f64>,
+    /// The groups that a process has claimed and not completed.
+    #[serde(rename = "begun")]
+    pub(crate) claimed: Vec<ClaimedGroup>,
+    /// The seconds until all tiles are solved by the processes that work now; `None` if none
+    /// works, or no tile is solved as yet.
+    #[serde(rename = "seconds")]
+    pub(crate) remaining_seconds: Option<f64>,
 }
 
-/// Work that somebody has begun.
+/// A group that a process has claimed and not completed.
 #[derive(Clone, Debug, Serialize)]
-pub(crate) struct BegunGroup {
-    /// The group of scans; of tiles, those.
+pub(crate) struct ClaimedGroup {
+    /// The number of the group of scans, or the numbers of the group's tiles.
     pub(crate) members: Vec<u32>,
-    /// The attempt, from 1.
+    /// The number of the attempt, from 1.
     pub(crate) attempt: u32,
-    /// Seconds since anything was heard of it, by the clocks of the machines.
-    pub(crate) silent: f64,
+    /// The seconds since the last heartbeat, by the clocks of both machines.
+    #[serde(rename = "silent")]
+    pub(crate) silent_seconds: f64,
 }
 
 impl JobStatus {
-    /// That of the job in `dir`.
+    /// Reads the status of the job in `dir`.
     ///
     /// # Errors
     ///
-    /// If `dir` holds no job that several processes do, or cannot be read.
+    /// If `dir` contains no job that several processes do, or cannot be read.
     pub(crate) fn of(dir: &Path) -> Result<Self, JobError> {
-        if let Some(groups) = ScanGroups::read(dir)
-            && !Handover::is_in(dir)
-        {
-            return Self::of_scattering(dir, groups.count);
+        match ScanGroups::read(dir) {
+            Some(groups) if !Handover::exists_in(dir) => Self::of_scattering(dir, groups.count),
+            _ => Self::of_solving(dir),
         }
-        let handover = Handover::read(dir)?;
-        let plan = &handover.plan.plan;
-        let claims = Claim::all(&TILES, dir)?;
-        let solved = SolvedTiles::of(packs_of(&claims)?);
-        let (mut done, mut seconds) = (0, 0.0);
-        let mut count = 0;
-        for tile in plan.tiles.iter().filter(|tile| solved.contains(tile.id)) {
-            count += 1;
-            done += tile.cost;
-            seconds += solved.figures(tile.id)?.seconds;
-        }
-        let groups = groups(plan);
-        let begun = begun(&claims, |group| {
-            let tiles = groups.get(group).into_iter().flatten();
-            tiles.map(|tile| tile.id).collect()
-        });
-        let all: u64 = plan.tiles.iter().map(|tile| tile.cost).sum();
-        let workers = begun
-            .iter()
-            .filter(|g| g.silent < 4.0 * BEAT.as_secs_f64())
-            .count();
-        let rest = seconds / done as f64 * (all - done) as f64 / workers as f64;
+    }
+
+    fn of_scattering(dir: &Path, count: usize) -> Result<Self, JobError> {
+        let claims = Claim::all(&POINTS, dir)?;
+        let is_complete = |group| {
+            let of_group = |c: &&Claim| c.group == group;
+            let complete = |c: &Claim| c.state == AttemptState::Complete;
+            claims.iter().filter(of_group).any(complete)
+        };
+        let complete = (0..count).filter(|&group| is_complete(group)).count();
         Ok(Self {
-            scattered: None,
-            tiles: plan.tiles.len() as u64,
-            solved: count,
-            share: done as f64 / all as f64,
-            begun,
-            seconds: rest.is_finite().then_some(rest),
+            scattered: Some([complete as u64, count as u64]),
+            tiles: 0,
+            solved: 0,
+            share: complete as f64 / count as f64,
+            claimed: claimed(&claims, |group| vec![group as u32]),
+            remaining_seconds: None,
         })
     }
 
-    /// Minutes after which each of so many tasks, with so many cores each, that solve the tiles of the
-    /// job in `dir` should have come to its end: three times what the plan expects, and a little.
+    fn of_solving(dir: &Path) -> Result<Self, JobError> {
+        let handover = Handover::read(dir)?;
+        let plan = &handover.plan.plan;
+        let claims = Claim::all(&TILES, dir)?;
+        let tiles = SolvedTiles::of(block_files_of(&claims)?);
+        let (mut solved, mut cost_done, mut seconds) = (0, 0, 0.0);
+        for tile in plan.tiles.iter().filter(|tile| tiles.contains(tile.id)) {
+            solved += 1;
+            cost_done += tile.cost;
+            seconds += tiles.figures(tile.id)?.seconds;
+        }
+        let groups = groups(plan);
+        let claimed = claimed(&claims, |group| {
+            let tiles = groups.get(group).into_iter().flatten();
+            tiles.map(|tile| tile.id).collect()
+        });
+        let is_alive = |group: &&ClaimedGroup| {
+            group.silent_seconds < MISSED_HEARTBEATS * HEARTBEAT_INTERVAL.as_secs_f64()
+        };
+        let workers = claimed.iter().filter(is_alive).count();
+        let cost: u64 = plan.tiles.iter().map(|tile| tile.cost).sum();
+        // Without a solved tile or a worker this is a division by zero, and infinite.
+        let remaining = seconds / cost_done as f64 * (cost - cost_done) as f64 / workers as f64;
+        Ok(Self {
+            scattered: None,
+            tiles: plan.tiles.len() as u64,
+            solved,
+            share: cost_done as f64 / cost as f64,
+            claimed,
+            remaining_seconds: remaining.is_finite().then_some(remaining),
+        })
+    }
+
+    /// Returns the minutes after which each of `tasks` tasks with `cores` cores should have ended
+    /// that together solve the tiles of the job in `dir`: three times what the plan expects, and
+    /// ten minutes.
     ///
     /// # Errors
     ///
-    /// If `dir` holds no scattered job, or cannot be read.
-    pub(crate) fn minutes_at_most(dir: &Path, tasks: u32, cores: u32) -> Result<u64, JobError> {
+    /// If `dir` contains no scattered job, or cannot be read.
+    pub(crate) fn time_limit_minutes(dir: &Path, tasks: u32, cores: u32) -> Result<u64, JobError> {
         let handover = Handover::read(dir)?;
         let (plan, settings) = (&handover.plan, &handover.job.settings);
         let groups = groups(&plan.plan);
@@ -111,43 +142,26 @@ impl JobStatus {
         let share = heaviest as f64 / cost(&plan.plan.tiles).max(1) as f64;
         let seconds_of_a_core = plan.seconds_to_solve * settings.threads as f64;
         let seconds = seconds_of_a_core / f64::from(cores) * share.max(1.0 / f64::from(tasks));
-        Ok((3.0 * seconds / 60.0).ceil() as u64 + SPARE_MINUTES)
-    }
-
-    fn of_scattering(dir: &Path, count: usize) -> Result<Self, JobError> {
-        let claims = Claim::all(&POINTS, dir)?;
-        let is_complete = |group| {
-            let of_group = |c: &&Claim| c.group == group;
-            let complete = |c: &Claim| c.ending == Ending::Complete;
-            claims.iter().filter(of_group).any(complete)
-        };
-        let complete = (0..count).filter(|&group| is_complete(group)).count();
-        Ok(Self {
-            scattered: Some([complete as u64, count as u64]),
-            tiles: 0,
-            solved: 0,
-            share: complete as f64 / count as f64,
-            begun: begun(&claims, |group| vec![group as u32]),
-            seconds: None,
-        })
+        Ok((TIME_LIMIT_FACTOR * seconds / 60.0).ceil() as u64 + SPARE_MINUTES)
     }
 }
 
-/// The attempts of `claims` that may be at work.
-fn begun(claims: &[Claim], members: impl Fn(usize) -> Vec<u32>) -> Vec<BegunGroup> {
+/// Lists the latest attempts of `claims` at groups that are not complete; `members` returns what
+/// belongs to a group.
+fn claimed(claims: &[Claim], members: impl Fn(usize) -> Vec<u32>) -> Vec<ClaimedGroup> {
     let is_over = |claim: &Claim| {
         let mut of_group = claims.iter().filter(|other| other.group == claim.group);
-        of_group.any(|o| o.ending == Ending::Complete || o.attempt > claim.attempt)
+        of_group.any(|o| o.state == AttemptState::Complete || o.attempt > claim.attempt)
     };
     claims
         .iter()
-        .filter(|claim| claim.ending == Ending::Begun && !is_over(claim))
+        .filter(|claim| claim.state == AttemptState::Claimed && !is_over(claim))
         .filter_map(|claim| {
             let modified = fs::metadata(claim.path()).ok()?.modified().ok()?;
-            Some(BegunGroup {
+            Some(ClaimedGroup {
                 members: members(claim.group),
                 attempt: claim.attempt + 1,
-                silent: modified.elapsed().unwrap_or_default().as_secs_f64(),
+                silent_seconds: modified.elapsed().unwrap_or_default().as_secs_f64(),
             })
         })
         .collect()

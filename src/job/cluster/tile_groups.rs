@@ -1,34 +1,30 @@
-//! One job's tiles solved by several processes, in groups of about equal cost, heaviest first.
+//! The tiles of one job solved by several processes, in groups of nearly equal cost, the heaviest
+//! group first.
 
 use std::{path::Path, sync::atomic::AtomicBool};
 
 use super::{
-    claims::{Claim, Kind, MOST_GROUPS, Worker},
+    claims::GROUP_LIMIT,
+    group_files::{TILES, block_files, block_files_of},
     handover::Handover,
+    worker::Worker,
 };
 use crate::{
     job::{
-        JobError, Progress, Unit, memory::mebibytes, queue::Queue, running::threads,
+        JobError, JobPlan, Progress, Unit, memory::mebibytes, queue::Queue, running::threads,
         scattering::scattered, tiles::SolvedTiles, transfer::Transfer,
     },
-    tile::{Pack, Plan, Tile, TileError},
+    tile::{BlockFile, Plan, Tile},
 };
 
-/// Tiles, each added to the file of its group.
-pub(super) const TILES: Kind = Kind {
-    stem: "tiles",
-    begun: "solved",
-    complete: "complete",
-};
-
-/// Tiles of about equal cost together, heaviest first.
+/// Divides the tiles of `plan` into groups of nearly equal cost, the heaviest group first.
 pub(super) fn groups(plan: &Plan) -> Vec<Vec<Tile>> {
     let mut tiles = plan.tiles.clone();
     tiles.sort_by_key(|tile| (std::cmp::Reverse(tile.cost), tile.id));
-    let count = tiles.len().min(MOST_GROUPS);
+    let count = tiles.len().min(GROUP_LIMIT);
     let mut groups: Vec<(u64, Vec<Tile>)> = vec![(0, Vec::new()); count];
     for tile in tiles {
-        // Each to the group that has least.
+        // The costliest tile that is left is added to the group that costs least.
         if let Some((cost, group)) = groups.iter_mut().min_by_key(|(cost, _)| *cost) {
             *cost += tile.cost;
             group.push(tile);
@@ -38,23 +34,12 @@ pub(super) fn groups(plan: &Plan) -> Vec<Vec<Tile>> {
     groups.into_iter().map(|(_, tiles)| tiles).collect()
 }
 
-/// The tiles that processes have solved which share the job in `dir`.
-pub(crate) fn packs(dir: &Path) -> Result<Vec<Pack>, JobError> {
-    packs_of(&Claim::all(&TILES, dir)?)
-}
-
-/// What is whole by now in the files of `claims`.
-pub(super) fn packs_of(claims: &[Claim]) -> Result<Vec<Pack>, JobError> {
-    let packs = claims.iter().map(|claim| Pack::of_another(&claim.path()));
-    Ok(packs.collect::<Result<_, TileError>>()?)
-}
-
 impl Worker {
-    /// Solves tiles of the job in `dir` that nobody works on, until there are none.
+    /// Solves tiles of the job in `dir` that no other process solves, until there are none left.
     ///
     /// # Errors
     ///
-    /// See [`JobError`]; [`JobError::Refused`] if there are tiles that were begun too often.
+    /// See [`JobError`]; [`JobError::Refused`] if groups of tiles were given up.
     pub(crate) fn solve(
         &self,
         dir: &Path,
@@ -75,7 +60,7 @@ impl Worker {
         let pool = threads(self.threads)?;
         let groups = groups(&plan.plan);
         job.watched(progress, |progress, _| {
-            let (tiles, solved) = (&plan.plan.tiles, SolvedTiles::of(packs(dir)?));
+            let (tiles, solved) = (&plan.plan.tiles, SolvedTiles::of(block_files(dir)?));
             let done = tiles.iter().filter(|tile| solved.contains(tile.id)).count();
             progress.begin("solve", tiles.len() as u64, done as u64, Unit::Tiles);
             let watch = |_: &Tile, share: f64| {
@@ -84,9 +69,10 @@ impl Worker {
                 }
             };
             let given_up = self.share(&TILES, dir, groups.len(), cancel, |claim, earlier| {
-                let mut packs = packs_of(earlier)?;
-                packs.push(Pack::open(&claim.path())?);
-                let mut solved = SolvedTiles::of(packs);
+                // Tiles that earlier attempts have completed are not solved again.
+                let mut files = block_files_of(earlier)?;
+                files.push(BlockFile::open(&claim.path())?);
+                let mut solved = SolvedTiles::of(files);
                 let mut missing = groups[claim.group].clone();
                 missing.retain(|tile| !solved.contains(tile.id));
                 queue.solve(&missing, &mut solved, &pool, &watch, cancel)?;
@@ -98,15 +84,20 @@ impl Worker {
             }
             let tiles = given_up.iter().flat_map(|&group| &groups[group]);
             let tiles: Vec<u32> = tiles.map(|tile| tile.id).collect();
-            Err(JobError::Refused(format!(
-                "tiles {tiles:?}: {} processes died over them, or their machines did. They take up \
-                 to {} each, with one process to a machine; see to that, and give --attempts {} to \
-                 try them again",
-                self.attempts,
-                mebibytes(plan.memory),
-                self.attempts + 1,
-            )))
+            Err(self.given_up(&tiles, &plan))
         })
+    }
+
+    /// The error that reports `tiles` over which too many processes have died.
+    fn given_up(&self, tiles: &[u32], plan: &JobPlan) -> JobError {
+        JobError::Refused(format!(
+            "tiles {tiles:?}: {} processes died while they solved them, or their machines did. \
+             These tiles take up to {} each, with one process to a machine; make that much memory \
+             available, and give --attempts {} to try them again",
+            self.retry_limit,
+            mebibytes(plan.memory),
+            self.retry_limit + 1,
+        ))
     }
 }
 
@@ -133,15 +124,15 @@ mod tests {
     }
 
     #[test]
-    fn groups_are_of_about_equal_cost_and_hold_every_tile_once() {
+    fn groups_have_nearly_equal_cost_and_contain_every_tile_once() {
         let costs: Vec<u64> = (0..2000).map(|k| 1000 + k * k % 777).collect();
         let groups = groups(&plan(&costs));
-        assert_eq!(groups.len(), MOST_GROUPS);
+        assert_eq!(groups.len(), GROUP_LIMIT);
         let cost = |group: &Vec<Tile>| group.iter().map(|tile| tile.cost).sum::<u64>();
         let of_groups: Vec<u64> = groups.iter().map(cost).collect();
         assert!(of_groups.is_sorted_by(|a, b| a >= b));
         assert!(
-            of_groups[MOST_GROUPS - 1] * 10 > of_groups[0] * 8,
+            of_groups[GROUP_LIMIT - 1] * 10 > of_groups[0] * 8,
             "{of_groups:?}"
         );
         let mut ids: Vec<u32> = groups.iter().flatten().map(|tile| tile.id).collect();

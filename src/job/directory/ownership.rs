@@ -13,7 +13,7 @@ use std::{
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::job::JobError;
-use crate::tile::{read_whole, write_whole};
+use crate::tile::{read_checksummed, write_checksummed};
 
 /// A job directory that this process holds.
 #[derive(Debug)]
@@ -160,7 +160,8 @@ impl JobDirectory {
     /// If it cannot be written.
     pub(crate) fn write(&self, name: &str, value: &impl Serialize) -> Result<(), JobError> {
         let path = self.path.join(name);
-        write_whole(&path, to_json(value).as_bytes()).map_err(|e| JobError::io("write", &path, e))
+        write_checksummed(&path, to_json(value).as_bytes())
+            .map_err(|e| JobError::io("write", &path, e))
     }
 
     /// Remembers that the file with this `stamp` is the job's output.
@@ -250,13 +251,13 @@ pub(crate) fn write_among_others(path: &Path, content: &[u8]) -> Result<(), JobE
     let now = UNIX_EPOCH.elapsed().unwrap_or_default().as_nanos();
     let own = format!("job-{}-{now}.json", std::process::id());
     let aside = path.with_file_name(own);
-    let write = write_whole(&aside, content).and_then(|()| fs::rename(&aside, path));
+    let write = write_checksummed(&aside, content).and_then(|()| fs::rename(&aside, path));
     write.map_err(|e| JobError::io("write", path, e))
 }
 
 /// What the file at `path` holds, if it is there and whole.
 fn read_json<T: DeserializeOwned>(path: &Path) -> Option<T> {
-    let content = read_whole(path).ok()??;
+    let content = read_checksummed(path).ok()??;
     serde_json::from_slice(&content).ok()
 }
 

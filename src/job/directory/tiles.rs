@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use crate::job::{JobError, TileFigures, cluster};
-use crate::tile::{Pack, SolvedTile, TileError};
+use crate::tile::{BlockFile, SolvedTile, TileError};
 
 /// The tiles that are solved: two blocks each, the figures last. Where they are, the
 /// tile is solved. Of several files tiles are added to the last.
 #[derive(Debug)]
-pub(crate) struct SolvedTiles(Vec<Pack>);
+pub(crate) struct SolvedTiles(Vec<BlockFile>);
 
 /// The name of their file in the job directory.
 const SOLVED: &str = "tiles.solved";
@@ -16,14 +16,14 @@ const SOLVED: &str = "tiles.solved";
 impl SolvedTiles {
     /// The tiles that are solved in the job directory `dir`, by this process and by others.
     pub(crate) fn open(dir: &Path) -> Result<Self, JobError> {
-        let mut packs = cluster::packs(dir)?;
-        packs.push(Pack::open(&dir.join(SOLVED))?);
-        Ok(Self(packs))
+        let mut files = cluster::block_files(dir)?;
+        files.push(BlockFile::open(&dir.join(SOLVED))?);
+        Ok(Self(files))
     }
 
-    /// Those in `packs`.
-    pub(crate) fn of(packs: Vec<Pack>) -> Self {
-        Self(packs)
+    /// The tiles in `files`.
+    pub(crate) fn of(files: Vec<BlockFile>) -> Self {
+        Self(files)
     }
 
     /// Whether `tile` is solved.
@@ -31,8 +31,8 @@ impl SolvedTiles {
         self.with(figures_key(tile)).is_some()
     }
 
-    fn with(&self, key: u64) -> Option<&Pack> {
-        self.0.iter().find(|pack| pack.contains(key))
+    fn with(&self, key: u64) -> Option<&BlockFile> {
+        self.0.iter().find(|file| file.contains(key))
     }
 
     fn read(&self, key: u64) -> Result<Vec<u8>, JobError> {
@@ -48,9 +48,9 @@ impl SolvedTiles {
     ) -> Result<(), JobError> {
         let text = serde_json::to_vec(figures).expect("figures are plain numbers");
         let (solved, key) = (solved.to_bytes(), figures_key(tile));
-        let pack = self.0.last_mut().ok_or_else(damaged)?;
-        pack.append(&[(key - 1, &solved), (key, &text)])?;
-        Ok(pack.flush()?)
+        let file = self.0.last_mut().ok_or_else(damaged)?;
+        file.append(&[(key - 1, &solved), (key, &text)])?;
+        Ok(file.flush()?)
     }
 
     /// The figures of `tile`.

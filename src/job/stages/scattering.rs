@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::job::{
     JobError, LeftOut, Progress, Survey, Unit, Worker,
-    cluster::{Claim, Ending, Kind, MOST_GROUPS},
+    cluster::{AttemptState, Claim, GROUP_LIMIT, WorkKind},
     directory::write_among_others,
     memory::Budget,
 };
@@ -19,7 +19,7 @@ use crate::{
     las::{LasError, PointStream},
     tile::{
         CellGrid, Opener, PointCounts, ScatterOptions, Source, SourceError, Spill, TileError,
-        read_whole, scatter,
+        read_checksummed, scatter,
     },
 };
 
@@ -54,10 +54,10 @@ impl Source for PointStream {
 }
 
 /// Points of the inputs, each group of them spilled by itself.
-pub(crate) const POINTS: Kind = Kind {
-    stem: "spill",
-    begun: "bin",
-    complete: "index",
+pub(crate) const POINTS: WorkKind = WorkKind {
+    prefix: "spill",
+    claim_extension: "bin",
+    complete_extension: "index",
 };
 
 /// Points that a group of parts has at the most, as long as there are not too many groups:
@@ -75,7 +75,7 @@ impl ScanGroups {
 
     /// As the processes say that scatter the job in `dir` together, if there are any.
     pub(crate) fn read(dir: &Path) -> Option<Self> {
-        let content = read_whole(&dir.join(Self::NAME)).ok()??;
+        let content = read_checksummed(&dir.join(Self::NAME)).ok()??;
         serde_json::from_slice(&content).ok()
     }
 }
@@ -147,7 +147,7 @@ impl Scattering<'_> {
         let text = serde_json::to_vec(&ScanGroups { count }).expect("a number");
         write_among_others(&self.dir.join(ScanGroups::NAME), &text)?;
         let claims = Claim::all(&POINTS, self.dir)?;
-        let complete = claims.iter().filter(|c| c.ending == Ending::Complete);
+        let complete = claims.iter().filter(|c| c.state == AttemptState::Complete);
         let done = complete.map(|c| groups.get(c.group).map_or(0, |group| points_of(group)));
         let points = points_of(&parts);
         self.progress
@@ -156,7 +156,9 @@ impl Scattering<'_> {
             worker.share(&POINTS, self.dir, count, self.cancel, |claim, _| match self
                 .spill(groups[claim.group], &claim.stem)
             {
-                Err(error @ JobError::BadFiles(_)) if self.keep_going && !worker.waits => {
+                Err(error @ JobError::BadFiles(_))
+                    if self.keep_going && !worker.waits_for_others =>
+                {
                     self.progress.note(&error.to_string());
                     Ok(false)
                 }
@@ -174,9 +176,9 @@ impl Scattering<'_> {
         Err(JobError::Refused(format!(
             "{} processes died while they read one of {}, or their machines did; see to that, and give \
              --attempts {} to try again",
-            worker.attempts,
+            worker.retry_limit,
             paths.join(", "),
-            worker.attempts + 1
+            worker.retry_limit + 1
         )))
     }
 
@@ -224,7 +226,7 @@ const ALONE: &str = "spill";
 /// See [`Spill::join`].
 pub(crate) fn scattered(dir: &Path) -> Result<Spill, JobError> {
     let mut claims = Claim::all(&POINTS, dir)?;
-    claims.retain(|claim| claim.ending == Ending::Complete);
+    claims.retain(|claim| claim.state == AttemptState::Complete);
     // If two came to the end of a group, the first of them will do.
     claims.dedup_by_key(|claim| claim.group);
     let stems: Vec<PathBuf> = match claims.is_empty() {
@@ -288,7 +290,7 @@ fn points_of(parts: &[Part]) -> u64 {
 /// Parts that one process brings to one spill, in their order: the same whoever asks.
 fn groups(parts: &[Part]) -> Vec<&[Part]> {
     let points = points_of(parts);
-    let count = points.div_ceil(GROUP_POINTS).clamp(1, MOST_GROUPS as u64);
+    let count = points.div_ceil(GROUP_POINTS).clamp(1, GROUP_LIMIT as u64);
     let (mut groups, mut rest, mut taken) = (Vec::new(), parts, 0);
     while !rest.is_empty() {
         let number = groups.len() as u64 + 1;

@@ -14,8 +14,8 @@ use crate::{
     geometry::{Local, NeighborGrid, Quantization, Rect, Stored},
     las::{CloudWriter, RecordView},
     quality::UniformityTally,
-    tile::{Guest, Plan, SeamTally, SettledTiles, Tile, blend},
-    views::Field,
+    tile::{NeighborSites, Plan, SeamTally, SettledTiles, Tile, blend},
+    views::UniformityMap,
 };
 
 /// How near to another tile is "on the seam", in spacings.
@@ -58,16 +58,16 @@ pub(crate) fn settle(
     let mut tally = SeamTally::new(spacing);
     for tile in &plan.tiles {
         let mut own = tiles.solved(tile.id)?;
-        let mut guests = Vec::new();
+        let mut neighbors = Vec::new();
         for other in adjacent(plan, tile, band) {
             let mut sites = tiles.solved(other.id)?.band;
             sites.retain(|site| tile.core.contains(site.identity));
-            guests.push(Guest {
+            neighbors.push(NeighborSites {
                 core: other.core,
                 sites,
             });
         }
-        let places = blend(&tile.core, &own.core, &guests, band, &mut tally);
+        let places = blend(&tile.core, &own.core, &neighbors, band, &mut tally);
         for (record, place) in own.records.chunks_exact_mut(own.record_length).zip(places) {
             // A site that is nowhere stays where it was elected.
             let place = quantization
@@ -91,7 +91,7 @@ pub(crate) fn write(
     spacing: f64,
     record_length: usize,
     seams: SeamTally,
-    field: &mut Field,
+    field: &mut UniformityMap,
     writer: &mut CloudWriter,
     progress: &dyn Progress,
 ) -> Result<(Stitched, HashMap<u32, UniformityTally>), JobError> {
