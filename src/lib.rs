@@ -61,6 +61,7 @@ mod picture;
 mod quality;
 #[cfg(feature = "report")]
 mod report;
+mod resample;
 #[cfg(feature = "formats")]
 mod simulate;
 mod spacing;
@@ -70,8 +71,13 @@ mod tiling;
 #[cfg(feature = "formats")]
 mod views;
 
+pub use geometry::PatchKind;
 #[cfg(feature = "formats")]
 pub use job::{Job, Progress, Quiet, Standing, Unit};
+
+pub use lloyd::{Acceleration, SeedRule};
+pub use quality::Uniformity;
+pub use resample::{Options, ResampleError, Resampled, Ring, resample, resample_with_progress};
 
 /// What the benches and tests of this crate look at; nothing of it is stable.
 #[cfg(feature = "formats")]

@@ -40,6 +40,9 @@ impl Stored {
     }
 }
 
+/// Steps of the quantization to a spacing at the least.
+const MIN_STEPS_PER_SPACING: f64 = 50.0;
+
 /// The run's one scale and offset: world = offset + scale × stored.
 ///
 /// One scale serves the three axes, so that distances between stored points
@@ -75,6 +78,28 @@ impl Quantization {
         // So that a decimal scale is written as the decimal it is.
         let scale = format!("{scale:.12e}").parse().unwrap_or(scale);
         Self { scale, offset }
+    }
+
+    /// A quantization for what lies between `min` and `max`, at `scale` or, where that leaves a `spacing`
+    /// fewer than 50 steps, ten times finer until it does not: rounding is not to be felt.
+    pub(crate) fn for_spacing(
+        min: [f64; 3],
+        max: [f64; 3],
+        mut scale: f64,
+        spacing: Option<f64>,
+    ) -> Self {
+        let extent = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
+        if let Some(spacing) = spacing.filter(|s| *s > 0.0) {
+            while scale > spacing / MIN_STEPS_PER_SPACING && extent / scale < Self::WIDEST / 10.0 {
+                scale /= 10.0;
+            }
+        }
+        Self::around(min, max, scale)
+    }
+
+    /// World coordinates of `local`.
+    pub(crate) fn world_of_local(&self, local: Local) -> [f64; 3] {
+        [0, 1, 2].map(|axis| self.offset[axis] + local[axis])
     }
 
     /// The widest extent, in stored units, that is given a lattice: nearly the

@@ -3,6 +3,7 @@
 mod bisector;
 mod cell;
 mod coordinates;
+mod nearest;
 mod neighbors;
 mod occupied;
 mod patch;
@@ -13,6 +14,7 @@ pub use bisector::Neighbor;
 pub use cell::{BOUNDING_SIDES, Cell, Moments};
 pub(crate) use cell::{MOST_EDGES, Reach, bounding_corners};
 pub use coordinates::{Local, Quantization, Rect, Stored};
+pub(crate) use nearest::NearestPoints;
 pub use neighbors::NeighborGrid;
 pub(crate) use occupied::{CellIndex, OccupiedCells, cell_of};
 pub use patch::{Patch, PatchKind};

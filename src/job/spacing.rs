@@ -22,7 +22,7 @@ pub(super) fn refusal(error: SpacingError<TileError>) -> JobError {
             "--count {count} is more than the {points} points of the scan can carry: at most \
              {MAX_SITES_PER_POINT} for each; ask for fewer, or for a --spacing"
         ),
-        SpacingError::AllEqual => {
+        SpacingError::AllEqual { .. } => {
             "all points of the scan are equal: there is no spacing between them".into()
         }
         SpacingError::CannotCarry {

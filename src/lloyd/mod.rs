@@ -34,6 +34,7 @@ mod settings;
 mod smoothing;
 mod solver;
 mod step;
+mod tally;
 
 pub use acceleration::Acceleration;
 pub use domain::TileRegion;
@@ -55,3 +56,4 @@ pub use solver::DistanceSums;
 pub(crate) use solver::{Cancelled, Monitor, solve_with_rings};
 pub use solver::{Site, Solution, SolverOptions, describe_places, solve};
 pub(crate) use solver::{describe_points, solve_watched};
+pub(crate) use tally::uniformity;

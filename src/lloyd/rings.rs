@@ -80,13 +80,6 @@ impl Rings {
     /// # Panics
     ///
     /// If there are not that many sites.
-    #[cfg_attr(
-        all(not(test), feature = "formats"),
-        expect(
-            dead_code,
-            reason = "the front door of the library, to come, is its caller"
-        )
-    )]
     pub(crate) fn of(&self, site: usize) -> Ring<'_> {
         Ring {
             neighbors: &self.neighbors[self.starts[site]..self.starts[site + 1]],

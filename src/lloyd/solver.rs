@@ -128,6 +128,14 @@ pub struct Site {
     pub nearest: f64,
 }
 
+impl Site {
+    /// The area of the cell, if the input describes a surface there and neighbours bound the cell all around.
+    pub(crate) fn bounded_area(&self) -> Option<f64> {
+        let is_bounded = self.is_closed && !self.is_fixed && self.area > 0.0;
+        is_bounded.then_some(self.area)
+    }
+}
+
 /// How far the nearest other site is looked for, in spacings.
 pub(crate) const FARTHEST_NEIGHBOR: f64 = 4.0;
 
@@ -215,13 +223,6 @@ pub fn solve(scan: &Scan, domain: &TileRegion, options: &SolverOptions) -> Solut
 /// # Errors
 ///
 /// [`Cancelled`] if `monitor` stops the solver.
-#[cfg_attr(
-    all(not(test), feature = "formats"),
-    expect(
-        dead_code,
-        reason = "the front door of the library, to come, is its caller"
-    )
-)]
 pub(crate) fn solve_with_rings(
     scan: &Scan,
     domain: &TileRegion,

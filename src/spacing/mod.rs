@@ -29,6 +29,19 @@ pub(crate) enum Target {
     Ratio(f64),
 }
 
+impl Target {
+    /// The spacing that meets the target if the points between `min` and `max` lay on a flat square; nothing
+    /// is known of it for a ratio.
+    pub(crate) fn spacing_of_a_square(self, min: [f64; 3], max: [f64; 3]) -> Option<f64> {
+        let extent = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
+        match self {
+            Self::Spacing(spacing) => Some(spacing),
+            Self::Count(count) => Some(extent / (count as f64).sqrt()),
+            Self::Ratio(_) => None,
+        }
+    }
+}
+
 /// Why no spacing can be given. Lengths are CRS units.
 #[derive(Debug)]
 pub(crate) enum SpacingError<E> {
@@ -39,7 +52,7 @@ pub(crate) enum SpacingError<E> {
     /// The count is more than [`MAX_SITES_PER_POINT`] for each point of the cloud.
     TooMany { count: u64, points: u64 },
     /// All points are equal, so that no spacing meets a count.
-    AllEqual,
+    AllEqual { points: u64 },
     /// The surfaces do not carry the count: at `spacing` there are approximately `reached` sites, and
     /// a smaller spacing does not give more.
     CannotCarry {

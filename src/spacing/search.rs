@@ -84,7 +84,7 @@ pub(crate) fn spacing_for_count<C: CountedCloud>(
     }
     let extent = cloud.bounds().extent() as f64 * quantization.scale;
     if extent == 0.0 {
-        return Err(SpacingError::AllEqual);
+        return Err(SpacingError::AllEqual { points });
     }
     // A first guess by the occupied squares, a second by the voxels that the guess makes.
     let scale = quantization.scale;

@@ -63,6 +63,14 @@ impl CellGrid {
         Self::new((extent / CELLS_ALONG).min(usual))
     }
 
+    /// The grid that a run begins with whose points are said to lie within `extent` (CRS units) along the
+    /// longer horizontal side, at `scale` CRS units to a stored unit: cells are one CRS unit wide, or
+    /// narrower.
+    pub(crate) fn for_run(extent: f64, scale: f64) -> Self {
+        // `as` saturates, and takes what is not a number for zero.
+        Self::for_extent((extent / scale) as i64, (1.0 / scale).ceil() as i64)
+    }
+
     /// The grid of cells twice as wide, each of four of these.
     pub(crate) fn coarser(&self) -> Self {
         Self::new(2 * self.edge)

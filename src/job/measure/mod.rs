@@ -13,12 +13,12 @@ use serde::Serialize;
 use crate::job::{
     JobError,
     memory::{Budget, mebibytes},
-    solving::{FARTHEST, uniformity},
+    solving::FARTHEST,
 };
 use crate::{
     geometry::{NeighborGrid, Quantization, Stored},
     las::{InputFile, PointFilter, PointStream, RecordFormat, expand_inputs},
-    lloyd::{Scan, SolverOptions, TileRegion, describe_points},
+    lloyd::{Scan, SolverOptions, TileRegion, describe_points, uniformity},
     quality::{DistanceFigures, DistanceTally, Uniformity, UniformityTally},
     tile::{
         CellGrid, Opener, Plan, PlanOptions, PointCounts, ScatterOptions, Source, SourceError,
@@ -269,7 +269,10 @@ fn measure_in(
             band: plan.halo,
         };
         let sites = describe_points(&scan, &domain, &options);
-        tally.add(&uniformity(&sites, &tile.core, spacing));
+        let in_core = sites
+            .iter()
+            .filter(|site| tile.core.contains(site.identity));
+        tally.add(&uniformity(in_core, spacing));
     }
     Ok(Measured {
         points,

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 use crate::job::{JobError, gathering::gather_points, memory::points_for, transfer::Transfer};
 use crate::{
     geometry::{AT_ONCE, Local, NeighborGrid, Quantization, Rect, Stored},
-    lloyd::{DistanceSums, Scan, Site, SolverOptions, TileRegion, solve_watched},
-    quality::{CellFigures, DistanceTally, UniformityTally},
+    lloyd::{DistanceSums, Scan, Site, SolverOptions, TileRegion, solve_watched, uniformity},
+    quality::{DistanceTally, UniformityTally},
     tile::{Plan, SolvedSite, SolvedTile, Spill, Tile},
 };
 
@@ -121,6 +121,7 @@ pub(crate) fn solve_tile(
         .iter()
         .partition(|site| core.contains(site.identity));
 
+    let in_core = |site: &&Site| core.contains(site.identity);
     let mut figures = TileFigures {
         tile,
         seconds: 0.0,
@@ -128,8 +129,8 @@ pub(crate) fn solve_tile(
         held: own.iter().filter(|s| s.is_fixed).count() as u64,
         exact: own.iter().filter(|s| s.is_exact).count() as u64,
         input: input_distances(&scan, &core, options),
-        seeds: uniformity(&solution.seeds, &core, options.spacing),
-        uniformity: uniformity(&solution.sites, &core, options.spacing),
+        seeds: uniformity(solution.seeds.iter().filter(in_core), options.spacing),
+        uniformity: uniformity(solution.sites.iter().filter(in_core), options.spacing),
         accuracy: DistanceTally::new(options.spacing),
         coverage: coverage(&scan, &solution.sites, &core, options.spacing),
         convergence: solution.convergence,
@@ -162,26 +163,6 @@ fn input_distances(scan: &Scan, core: &Rect, options: &SolverOptions) -> Uniform
     let distances = scan.sampled_distances(options.seeds_per_point, farthest, |p| core.contains(p));
     for distance in distances {
         tally.push_distance(distance);
-    }
-    tally
-}
-
-/// Nearest distances and closed cells of the sites of the core.
-pub(crate) fn uniformity(sites: &[Site], core: &Rect, spacing: f64) -> UniformityTally {
-    let mut tally = UniformityTally::new(spacing);
-    for site in sites.iter().filter(|site| core.contains(site.identity)) {
-        if site.nearest.is_finite() {
-            tally.push_distance(site.nearest);
-        } else {
-            tally.push_alone();
-        }
-        if site.is_closed && !site.is_fixed {
-            tally.push_cell(CellFigures {
-                area: site.area,
-                energy: site.energy,
-                neighbors: site.neighbors,
-            });
-        }
     }
     tally
 }

@@ -42,9 +42,6 @@ struct Asked {
     filter: PointFilter,
 }
 
-/// Stored units to a spacing at the least: quantisation is not to be felt.
-const UNITS_PER_SPACING: f64 = 50.0;
-
 impl Survey {
     /// Reads the headers of the files that `arguments` name; those that cannot be read
     /// are left out if `skip` says so.
@@ -259,23 +256,10 @@ fn claimed_bounds(inputs: &[InputFile]) -> ([f64; 3], [f64; 3]) {
 
 /// The finest scale of the inputs, finer still if the spacing asks for it.
 fn quantization(inputs: &[InputFile], target: Target) -> Quantization {
-    let mut scale = inputs
+    let scale = inputs
         .iter()
         .flat_map(|input| input.scale)
         .fold(f64::INFINITY, f64::min);
     let (min, max) = claimed_bounds(inputs);
-    let extent = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
-    // With a count the spacing is not known yet: were all points on a flat
-    // square, it would be this.
-    let spacing = match target {
-        Target::Spacing(spacing) => Some(spacing),
-        Target::Count(count) => Some(extent / (count as f64).sqrt()),
-        Target::Ratio(_) => None,
-    };
-    if let Some(spacing) = spacing.filter(|s| *s > 0.0) {
-        while scale > spacing / UNITS_PER_SPACING && extent / scale < Quantization::WIDEST / 10.0 {
-            scale /= 10.0;
-        }
-    }
-    Quantization::around(min, max, scale)
+    Quantization::for_spacing(min, max, scale, target.spacing_of_a_square(min, max))
 }

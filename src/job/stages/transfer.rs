@@ -179,8 +179,7 @@ impl Transfer {
                 record.set_classification(cell.majority(record.classification()));
             }
         }
-        let is_bounded = site.is_closed && !site.is_fixed && site.area > 0.0;
-        let area = if is_bounded { site.area } else { f64::NAN };
+        let area = site.bounded_area().unwrap_or(f64::NAN);
         for (computed, places) in &self.computed {
             let values = match computed {
                 Computed::Normals => site

@@ -1,0 +1,28 @@
+//! From sites to figures of uniformity.
+
+use super::Site;
+use crate::quality::{CellFigures, UniformityTally};
+
+/// The nearest distances of `sites`, and the closed cells of those that were moved, tallied for a cloud of
+/// `spacing` (CRS units).
+pub(crate) fn uniformity<'a>(
+    sites: impl IntoIterator<Item = &'a Site>,
+    spacing: f64,
+) -> UniformityTally {
+    let mut tally = UniformityTally::new(spacing);
+    for site in sites {
+        if site.nearest.is_finite() {
+            tally.push_distance(site.nearest);
+        } else {
+            tally.push_alone();
+        }
+        if site.is_closed && !site.is_fixed {
+            tally.push_cell(CellFigures {
+                area: site.area,
+                energy: site.energy,
+                neighbors: site.neighbors,
+            });
+        }
+    }
+    tally
+}

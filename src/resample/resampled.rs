@@ -1,0 +1,55 @@
+//! What comes out: even points, and what is known of each.
+
+use crate::{lloyd::Rings, quality::Uniformity};
+
+/// An even cloud, in the unit of the input. All vectors have one entry for each output point, in the same
+/// order.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Resampled {
+    /// Positions on the surfaces of the input: x, y, z.
+    pub points: Vec<[f64; 3]>,
+    /// Index of the input point that is nearest to each output point; of equally near input points the
+    /// smallest index. Any attribute of the input can be taken along by it.
+    pub source: Vec<usize>,
+    /// Unit normals of the surface, with z ≥ 0; NaN where the input describes no surface.
+    pub normals: Vec<[f64; 3]>,
+    /// Areas of the Voronoi cells on the surface; NaN where neighbours do not bound the cell all around, or
+    /// the input describes no surface.
+    pub areas: Vec<f64>,
+    /// Mean curvatures of the surface, in 1 / unit, positive where the surface bends towards the normal; NaN
+    /// where the input describes no surface.
+    pub curvatures: Vec<f64>,
+    /// How evenly the points are spread.
+    pub uniformity: Uniformity,
+    /// The spacing of the output: the one that was asked for, or that was found for a count or a ratio.
+    pub spacing: f64,
+    pub(super) rings: Rings,
+}
+
+/// The neighbours of an output point, in their order around it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Ring<'a> {
+    /// Indices of the output points whose Voronoi cells share an edge with the point's own, counter-clockwise
+    /// seen from the tip of the normal. Empty where the input describes no surface.
+    pub neighbors: &'a [u32],
+    /// Whether neighbours bound the cell all around. If they do not, the point lies at a border of the
+    /// cloud, and the first and the last neighbour are at the two sides of the gap.
+    pub is_closed: bool,
+}
+
+impl Resampled {
+    /// The ring of neighbours of the output point `index`.
+    ///
+    /// # Panics
+    ///
+    /// If there is no output point `index`.
+    pub fn ring(&self, index: usize) -> Ring<'_> {
+        let ring = self.rings.of(index);
+        Ring {
+            neighbors: ring.neighbors,
+            is_closed: ring.is_closed,
+        }
+    }
+}
