@@ -18,25 +18,23 @@ mod running;
 
 mod spacing;
 mod stages;
+mod tile_figures;
 
-use directory::{room as disk, scratch, stamps, tiles};
-use resources::{clock, forecast, memory};
 use stages::{
     gathering, planning, provenance, queue, scattering, solving, survey, transfer, writing,
 };
 
-pub(crate) use clock::{ResourceSample, StageCost};
 pub(crate) use cluster::{JobStatus, Worker};
-pub(crate) use directory::default_directory;
-pub(crate) use disk::write_file;
+pub(crate) use directory::{default_directory, write_file};
 pub(crate) use error::{JobError, LeftOut};
 pub(crate) use measure::{measure, measure_against_surface};
 pub(crate) use outcome::Outcome;
 pub(crate) use planning::JobPlan;
 pub use progress::{Progress, Quiet, Standing, Unit};
+pub(crate) use resources::{ResourceSample, StageCost};
 pub use running::Job;
 pub(crate) use scattering::InputCount;
 
-pub(crate) use solving::TileFigures;
+pub(crate) use tile_figures::TileFigures;
 
 pub(crate) use survey::Survey;

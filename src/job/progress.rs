@@ -1,6 +1,6 @@
-//! How a job says where it is; the binary decides how it looks.
+//! How a job reports its progress; the listener decides how the reports look.
 
-/// What is being counted.
+/// The unit in which a stage is counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
     /// Points of the input.
@@ -9,33 +9,32 @@ pub enum Unit {
     Tiles,
 }
 
-/// Where a run stands.
+/// Memory and remaining time of a run at one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Standing {
-    /// Memory held, in bytes; nothing where the system does not tell.
+    /// Resident memory in bytes; `None` where the system does not report it.
     pub memory: Option<u64>,
-    /// The budget, in bytes.
+    /// The memory budget in bytes.
     pub budget: u64,
-    /// Seconds until the run is done; nothing before that can be told.
+    /// Seconds until the run is done; `None` before there is an estimate.
     pub remaining: Option<f64>,
 }
 
-/// Someone who listens to a job.
+/// A listener to the reports of a job.
 pub trait Progress: Sync {
-    /// A stage begins; `total` units are ahead of it, `done` of them done by an
-    /// earlier run.
+    /// Reports that a stage of `total` units begins, `done` of which an earlier run has done.
     fn begin(&self, stage: &str, total: u64, done: u64, unit: Unit);
-    /// `amount` more units are done. Called from any thread.
+    /// Reports that `amount` more units are done. May be called from any thread.
     fn advance(&self, amount: u64);
-    /// The stage is done.
+    /// Reports that the stage is done.
     fn end(&self);
-    /// Something worth a line.
+    /// Reports a fact about the inputs or the run that is worth a line.
     fn note(&self, text: &str);
-    /// Told several times a second, from a thread of its own.
+    /// Reports memory and remaining time, several times a second, from a thread of its own.
     fn standing(&self, standing: &Standing);
 }
 
-/// Listens to nothing.
+/// A listener that ignores all reports.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Quiet;
 

@@ -11,18 +11,14 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     InputCount, JobError, JobPlan, LeftOut, Outcome, Progress, Survey, TileFigures, Unit, Worker,
-    clock::Clock,
-    directory::{JobDirectory, Stamp, bytes_in},
-    disk::{Need, check_room},
-    forecast::Forecast,
-    memory::{Budget, mebibytes},
+    directory::{
+        DiskNeed, InputStamps, JobDirectory, Scratch, SolvedTiles, Stamp, bytes_in, check_room,
+    },
     planning::Planning,
     provenance::{checksums, provenance},
     queue::Queue,
+    resources::{Budget, Clock, Forecast, mebibytes},
     scattering::{Scattering, input_counts},
-    scratch::Scratch,
-    stamps::InputStamps,
-    tiles::SolvedTiles,
     transfer::Transfer,
     writing,
 };
@@ -94,14 +90,14 @@ impl Job {
         let format = self.check_output()?;
         let pool = threads(self.settings.threads)?;
         let worker = Worker::until_all_is_done(self.settings.threads);
-        self.watched(progress, |forecast, mut clock| {
-            let prepared = pool.install(|| self.prepare(&worker, forecast, cancel, &mut clock))?;
+        self.watched(progress, |forecast, clock| {
+            let prepared = pool.install(|| self.prepare(&worker, forecast, cancel, &clock))?;
             let Some(running) = prepared else {
                 return Ok(None);
             };
             forecast.expect(&self.seconds_ahead(&running.plan));
             let tiles = self.solve(&running, &pool, forecast, cancel)?;
-            clock.stop("solve");
+            clock.end_stage("solve");
             let (outcome, cloud) =
                 pool.install(|| self.finish(&running, &tiles, format, forecast, cancel, clock))?;
             report(&outcome)?;
@@ -118,8 +114,7 @@ impl Job {
     ) -> T {
         let forecast = &Forecast::new(progress);
         thread::scope(|scope| {
-            let mut clock = Clock::new();
-            clock.watch(scope, &self.dir, self.budget().total, forecast);
+            let clock = Clock::start(scope, &self.dir, self.budget().total, forecast);
             work(forecast, clock)
         })
     }
@@ -161,8 +156,8 @@ impl Job {
     ) -> Result<Option<JobPlan>, JobError> {
         let pool = threads(self.settings.threads)?;
         let worker = Worker::until_all_is_done(self.settings.threads);
-        let prepared = self.watched(progress, |progress, mut clock| {
-            pool.install(|| self.prepare(&worker, progress, cancel, &mut clock))
+        let prepared = self.watched(progress, |progress, clock| {
+            pool.install(|| self.prepare(&worker, progress, cancel, &clock))
         })?;
         Ok(prepared.map(|running| {
             let plan = running.plan;
@@ -218,7 +213,7 @@ impl Job {
         worker: &Worker,
         progress: &dyn Progress,
         cancel: &AtomicBool,
-        clock: &mut Clock,
+        clock: &Clock,
     ) -> Result<Option<Running>, JobError> {
         let (survey, inputs) = self.survey(progress)?;
         let directory = JobDirectory::open(&self.dir, self.identity(&inputs), self.restart)?;
@@ -232,7 +227,7 @@ impl Job {
             directory.abandon();
             return Err(error);
         }
-        clock.stop("survey");
+        clock.end_stage("survey");
         let prepared = self.prepare_in(&directory, survey, worker, progress, cancel, clock);
         let prepared = prepared.and_then(|prepared| inputs.check().map(|()| prepared));
         let prepared = prepared.and_then(|(survey, spill, options, plan)| {
@@ -267,11 +262,11 @@ impl Job {
         worker: &Worker,
         progress: &dyn Progress,
         cancel: &AtomicBool,
-        clock: &mut Clock,
+        clock: &Clock,
     ) -> Result<(Survey, Spill, SolverOptions, JobPlan), JobError> {
         let budget = &self.budget();
         let (survey, spill) = self.spill(directory, survey, worker, progress, cancel)?;
-        clock.stop("scatter");
+        clock.end_stage("scatter");
         if spill.points() == 0 {
             return Err(JobError::Refused(
                 "no point of the input is within the range of its own scale; there is nothing to \
@@ -290,7 +285,7 @@ impl Job {
         let seeds_per_point = points_out as f64 / spill.points() as f64;
         let options = self.settings.solver.at(spacing, seeds_per_point);
         let plan = planning.tiles(&options, points_out, progress)?;
-        clock.stop("plan");
+        clock.end_stage("plan");
         Ok((survey, spill, options, plan))
     }
 
@@ -308,7 +303,7 @@ impl Job {
         for note in &survey.notes {
             progress.note(note);
         }
-        let inputs = InputStamps::of(&survey);
+        let inputs = InputStamps::of(survey.paths());
         Ok((survey, inputs))
     }
 
@@ -358,7 +353,7 @@ impl Job {
     }
 
     /// What the points of all inputs take that are not spilled yet.
-    fn room_for(&self, survey: &Survey) -> Need<'_> {
+    fn room_for(&self, survey: &Survey) -> DiskNeed<'_> {
         let is_spill = |name: &str| name.starts_with("spill") && name.ends_with(".bin");
         let held = bytes_in(&self.dir, is_spill);
         let inputs = survey.inputs.iter();
@@ -369,7 +364,7 @@ impl Job {
         });
         let record_length = survey.record.record_length() as u64;
         let points = survey.points_claimed();
-        Need {
+        DiskNeed {
             what: format!("all points{largest}"),
             dir: &self.dir,
             bytes: (points.saturating_mul(record_length)).saturating_sub(held),
@@ -434,7 +429,10 @@ impl Job {
         cancel: &AtomicBool,
     ) -> Result<SolvedTiles, JobError> {
         let tiles = &running.plan.plan.tiles;
-        let mut solved_tiles = SolvedTiles::open(running.directory.path())?;
+        let mut solved_tiles = SolvedTiles::open(
+            running.directory.path(),
+            super::cluster::block_files(running.directory.path())?,
+        )?;
         let (done, missing): (Vec<Tile>, Vec<Tile>) = tiles
             .iter()
             .partition(|tile| solved_tiles.contains(tile.id));
@@ -463,7 +461,7 @@ impl Job {
         format: Format,
         progress: &dyn Progress,
         cancel: &AtomicBool,
-        mut clock: Clock,
+        clock: Clock,
     ) -> Result<(Outcome, CompleteCloud), JobError> {
         for note in running.notes().iter().skip(running.survey.notes.len()) {
             progress.note(note);
@@ -480,7 +478,7 @@ impl Job {
         let mut settled = SettledTiles::create(scratch.path())?;
         let seams = writing::settle(plan, solved, &mut settled, quantization, spacing, progress)?;
         progress.end();
-        clock.stop("stitch");
+        clock.end_stage("stitch");
         if cancel.load(Ordering::Relaxed) {
             return Err(JobError::Tile(TileError::Cancelled));
         }
@@ -535,7 +533,7 @@ impl Job {
             progress,
         )?;
         progress.end();
-        clock.stop("write");
+        clock.end_stage("write");
         let overview = draw_picture(
             &OVERVIEW,
             writer.points(),
@@ -553,7 +551,7 @@ impl Job {
         let worst = worst.collect::<Result<Vec<WorstPlace>, JobError>>()?;
         let detail = clouds.at_middle(largest)?;
         let viewer_sample = clouds.viewer_sample(largest)?;
-        clock.stop("look");
+        clock.end_stage("look");
         if self.is_sorted() {
             progress.begin("sort", running.plan.points_out, 0, Unit::Points);
         }
@@ -561,7 +559,7 @@ impl Job {
         let points = cloud.points();
         if self.is_sorted() {
             progress.end();
-            clock.stop("sort");
+            clock.end_stage("sort");
         }
         let sites: u64 = tiles.iter().map(|tile| tile.sites).sum();
         if points != sites {
@@ -569,7 +567,7 @@ impl Job {
                 "{sites} points were solved and {points} written; please report this"
             )));
         }
-        let (stages, held) = clock.costs(&self.dir);
+        let (stages, held) = clock.stop(&self.dir);
         let outcome = Outcome {
             plan: running.plan.clone(),
             inputs: running.inputs.clone(),

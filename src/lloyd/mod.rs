@@ -39,21 +39,13 @@ mod tally;
 pub use acceleration::Acceleration;
 pub use domain::TileRegion;
 pub use restriction::Restriction;
-#[expect(
-    unused_imports,
-    reason = "the front door of the library, to come, uses them"
-)]
-pub(crate) use rings::{Ring, Rings};
+pub(crate) use rings::Rings;
 pub use scan::Scan;
 pub(crate) use seeds::elected_in;
 pub use seeds::{AREA_PER_SEED, SeedRule, elect};
 pub(crate) use settings::SolverSettings;
 pub use solver::DistanceSums;
-#[expect(
-    unused_imports,
-    reason = "the front door of the library, to come, uses them"
-)]
-pub(crate) use solver::{Cancelled, Monitor, solve_with_rings};
+pub(crate) use solver::solve_with_rings;
 pub use solver::{Site, Solution, SolverOptions, describe_places, solve};
 pub(crate) use solver::{describe_points, solve_watched};
 pub(crate) use tally::uniformity;

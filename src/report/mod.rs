@@ -206,7 +206,7 @@ impl Report {
                 sum.add(part);
             }
             sites += tile.sites;
-            held += tile.held;
+            held += tile.fixed;
             exact += tile.exact;
         }
         let stitched = &outcome.stitched;

@@ -105,8 +105,8 @@ impl Job {
         let job = self.with_absolute_paths()?;
         job.check_output()?;
         let pool = threads(job.settings.threads)?;
-        let prepared = job.watched(progress, |progress, mut clock| {
-            pool.install(|| job.prepare(worker, progress, cancel, &mut clock))
+        let prepared = job.watched(progress, |progress, clock| {
+            pool.install(|| job.prepare(worker, progress, cancel, &clock))
         })?;
         prepared
             .map(|Running { survey, plan, .. }| {

@@ -14,8 +14,8 @@ use super::{
 use crate::{
     job::{
         JobError,
+        directory::SolvedTiles,
         scattering::{POINTS, ScanGroups},
-        tiles::SolvedTiles,
     },
     tile::Tile,
 };

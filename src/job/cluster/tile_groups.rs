@@ -11,8 +11,8 @@ use super::{
 };
 use crate::{
     job::{
-        JobError, JobPlan, Progress, Unit, memory::mebibytes, queue::Queue, running::threads,
-        scattering::scattered, tiles::SolvedTiles, transfer::Transfer,
+        JobError, JobPlan, Progress, Unit, directory::SolvedTiles, queue::Queue,
+        resources::mebibytes, running::threads, scattering::scattered, transfer::Transfer,
     },
     tile::{BlockFile, Plan, Tile},
 };

@@ -1,9 +1,30 @@
-//! The job directory: its owner, its files, and the room on its disk.
+//! The job directory: which job it belongs to, which files it contains, and the room on its disk.
+//!
+//! ```text
+//!   ownership     job.json and the lock: one job, one process at a time
+//!   file_names    which names are those of a job's files
+//!   json_files    small files, written completely or not at all
+//!   stamp         length and time of a file, by which changes are noticed
+//!   input_stamps  the stamps of all inputs when the job began
+//!   solved_tiles  the results of the tiles
+//!   room          the space that the disks must have
+//!   scratch       temporary files of the last stage, on another disk
+//! ```
 
-pub(crate) mod ownership;
-pub(crate) mod room;
-pub(crate) mod scratch;
-pub(crate) mod stamps;
-pub(crate) mod tiles;
+mod file_names;
+mod input_stamps;
+mod json_files;
+mod ownership;
+mod room;
+mod scratch;
+mod solved_tiles;
+mod stamp;
 
-pub(crate) use ownership::{JobDirectory, Stamp, bytes_in, default_directory, write_among_others};
+pub(crate) use file_names::bytes_in;
+pub(crate) use input_stamps::InputStamps;
+pub(crate) use json_files::{write_among_others, write_file};
+pub(crate) use ownership::{JobDirectory, default_directory};
+pub(crate) use room::{DiskNeed, check_room, directory_of};
+pub(crate) use scratch::Scratch;
+pub(crate) use solved_tiles::SolvedTiles;
+pub(crate) use stamp::Stamp;

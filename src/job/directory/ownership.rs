@@ -1,72 +1,50 @@
-//! The job directory: whose it is, and what is kept in it.
+//! Which job and which process a job directory belongs to.
 //!
-//! A directory belongs to one job, said by `job.json`, and to one process at a time,
-//! said by the lock. Nothing but a job's own files is ever removed from it.
+//! A directory belongs to one job, which `job.json` describes, and to one process at a time,
+//! which locks the file `lock`. Nothing but a job's own files is ever removed from it.
 
 use std::{
-    fs::{self, File, Metadata},
-    io,
+    fs::{self, File},
     path::{Path, PathBuf},
-    time::UNIX_EPOCH,
 };
 
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
-use crate::job::JobError;
-use crate::tile::{read_checksummed, write_checksummed};
+use super::{
+    file_names::is_own,
+    json_files::{read_json, to_json, write_among_others, write_json},
+    stamp::Stamp,
+};
+use crate::job::error::JobError;
 
-/// A job directory that this process holds.
+/// A job directory that this process has locked.
 #[derive(Debug)]
 pub(crate) struct JobDirectory {
     path: PathBuf,
-    /// ResourceSample as long as the job runs.
+    /// The locked file; closing it releases the lock.
     _lock: File,
-    about: About,
-    /// Whether the job was begun by this process.
+    owner: Owner,
+    /// Whether this process began the job.
     is_new: bool,
 }
 
-/// What `job.json` says.
+/// The content of `job.json`: the job that a directory belongs to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct About {
-    /// What makes this job this job.
+struct Owner {
+    /// Inputs and settings that decide the result of the job.
     identity: serde_json::Value,
-    /// The output, once it is complete.
+    /// The stamp of the output, once the output is complete.
     delivered: Option<Stamp>,
 }
 
-/// Length and time of a file: renamed, it is still the same.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Stamp {
-    bytes: u64,
-    /// Nanoseconds since 1970.
-    modified: u128,
-}
-
-impl Stamp {
-    /// The stamp of the file at `path` as it is now.
-    pub(crate) fn of(path: &Path) -> io::Result<Self> {
-        fs::metadata(path).map(|metadata| Self::of_metadata(&metadata))
-    }
-
-    fn of_metadata(metadata: &Metadata) -> Self {
-        let modified = metadata.modified().ok();
-        let since = modified.and_then(|time| time.duration_since(UNIX_EPOCH).ok());
-        Self {
-            bytes: metadata.len(),
-            modified: since.map_or(0, |since| since.as_nanos()),
-        }
-    }
-}
-
 impl JobDirectory {
-    /// Makes the directory at `path` or finds this very job in it, and takes hold of
-    /// it; with `restart` whatever job it finds is forgotten.
+    /// Creates the directory at `path`, or finds the job with this `identity` in it, and locks
+    /// it. With `restart` the files of whatever job is found are removed.
     ///
     /// # Errors
     ///
-    /// If it cannot be made, another process holds it, or it holds another job or
-    /// anything else.
+    /// [`JobError::Io`] if the directory cannot be created or read, [`JobError::Refused`] if
+    /// another process has locked it, or if it contains another job or files that no job made.
     pub(crate) fn open(
         path: &Path,
         identity: serde_json::Value,
@@ -84,7 +62,7 @@ impl JobDirectory {
         let mut directory = Self {
             path: path.to_owned(),
             _lock: lock,
-            about: About {
+            owner: Owner {
                 identity,
                 delivered: None,
             },
@@ -93,49 +71,51 @@ impl JobDirectory {
         if restart {
             directory.forget(|name| name != "lock");
         }
-        match directory.read::<About>(ABOUT) {
-            Some(found) if found.identity == directory.about.identity => directory.about = found,
+        match directory.read::<Owner>(OWNER_FILE) {
+            Some(found) if found.identity == directory.owner.identity => directory.owner = found,
             Some(_) => return Err(refused(OTHER)),
             None => {
-                // Whatever else was there, nobody knows what it is of.
+                // Without `job.json` it is unknown which job the other files belong to.
                 directory.forget(|name| name != "lock" && names.iter().any(|known| known == name));
-                directory.write(ABOUT, &directory.about)?;
+                directory.write(OWNER_FILE, &directory.owner)?;
                 directory.is_new = true;
             }
         }
         Ok(directory)
     }
 
-    /// Finds this very job in the directory at `path`, or makes it, as one of several
-    /// processes that do: nobody takes hold of it. Whether its output is not complete yet.
+    /// Finds the job with this `identity` in the directory at `path`, or creates it, as one of
+    /// several processes: the directory is not locked. Returns whether the `output` of the job is
+    /// still to be made.
     ///
     /// # Errors
     ///
-    /// If it cannot be made, or holds another job or anything else.
+    /// [`JobError::Io`] if the directory cannot be created or read, [`JobError::Refused`] if it
+    /// contains another job or files that no job made.
     pub(crate) fn join(
         path: &Path,
         identity: serde_json::Value,
         output: &Path,
     ) -> Result<bool, JobError> {
         let names = own_names(path)?;
-        let about_path = path.join(ABOUT);
-        if read_json::<About>(&about_path).is_none() {
-            // Who joins writes this first: without it there is nothing else, or nobody
-            // knows what it is of.
+        let owner_path = path.join(OWNER_FILE);
+        if read_json::<Owner>(&owner_path).is_none() {
+            // A process that joins writes `job.json` first: without it the directory is empty, or
+            // it is unknown which job its files belong to.
             let is_work = |name: &&String| !name.starts_with("job") && *name != "lock";
             if let Some(name) = names.iter().find(is_work)
-                && !about_path.exists()
+                && !owner_path.exists()
             {
-                let problem = format!("{name} is left of a job that nobody knows; {RESTART}");
+                let problem = format!("{name} belongs to an unknown job; {RESTART}");
                 return Err(refused(path, &problem));
             }
-            let about = About {
+            let owner = Owner {
                 identity: identity.clone(),
                 delivered: None,
             };
-            write_among_others(&about_path, to_json(&about).as_bytes())?;
+            write_among_others(&owner_path, to_json(&owner).as_bytes())?;
         }
-        match read_json::<About>(&about_path) {
+        match read_json::<Owner>(&owner_path) {
             Some(found) if found.identity == identity => {
                 let delivered = found.delivered;
                 Ok(delivered.is_none() || Stamp::of(output).ok() != delivered)
@@ -144,49 +124,48 @@ impl JobDirectory {
         }
     }
 
+    /// The path of the directory.
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
-    /// What the file `name` holds, if it is there and whole.
+    /// Reads the JSON file `name`; `None` if it is missing or damaged.
     pub(crate) fn read<T: DeserializeOwned>(&self, name: &str) -> Option<T> {
         read_json(&self.path.join(name))
     }
 
-    /// Writes the file `name`, complete or not at all.
+    /// Writes `value` to the JSON file `name`, completely or not at all.
     ///
     /// # Errors
     ///
-    /// If it cannot be written.
+    /// [`JobError::Io`] if the file cannot be written.
     pub(crate) fn write(&self, name: &str, value: &impl Serialize) -> Result<(), JobError> {
-        let path = self.path.join(name);
-        write_checksummed(&path, to_json(value).as_bytes())
-            .map_err(|e| JobError::io("write", &path, e))
+        write_json(&self.path.join(name), value)
     }
 
-    /// Remembers that the file with this `stamp` is the job's output.
+    /// Records in `job.json` that the file with this `stamp` is the job's output.
     ///
     /// # Errors
     ///
-    /// If it cannot be written down.
+    /// [`JobError::Io`] if `job.json` cannot be written.
     pub(crate) fn deliver(&mut self, stamp: Stamp) -> Result<(), JobError> {
-        self.about.delivered = Some(stamp);
-        self.write(ABOUT, &self.about)
+        self.owner.delivered = Some(stamp);
+        self.write(OWNER_FILE, &self.owner)
     }
 
-    /// Whether an earlier run of this job completed the file at `output`, which has
-    /// been left alone since.
+    /// Whether an earlier run of this job completed the file at `output`, and the file has not
+    /// changed since.
     pub(crate) fn has_delivered(&self, output: &Path) -> bool {
-        let delivered = self.about.delivered;
+        let delivered = self.owner.delivered;
         delivered.is_some() && Stamp::of(output).ok() == delivered
     }
 
-    /// Removes the results of all tiles, and what others would solve them by.
+    /// Removes the results of all tiles, and the file from which other processes would solve them.
     pub(crate) fn forget_tiles(&self) {
         self.forget(|name| name.starts_with("tiles") || name == "handover.json");
     }
 
-    /// Removes the job's files of which `wanted` says so; what cannot be removed stays.
+    /// Removes the job's files whose names are `wanted`; a file that cannot be removed stays.
     pub(crate) fn forget(&self, wanted: impl Fn(&str) -> bool) {
         let entries = fs::read_dir(&self.path).into_iter().flatten().flatten();
         for entry in entries {
@@ -200,37 +179,39 @@ impl JobDirectory {
         }
     }
 
-    /// Gives the job up: removes what this process made of it. What an earlier run left
-    /// may be the work of a night, and stays.
+    /// Gives the job up and removes its files if this process began it. The files of an earlier
+    /// run may be the work of a night, and stay.
     pub(crate) fn abandon(self) {
         if self.is_new {
             self.clear();
         }
     }
 
-    /// Removes the job, and the directory. Whose it was goes last: a process that is
-    /// killed on the way knows it again.
+    /// Removes the job's files and the directory. `job.json` is removed last, so that after a kill
+    /// on the way the next process still recognizes the job.
     pub(crate) fn clear(self) {
-        self.forget(|name| name != ABOUT && name != "lock");
+        self.forget(|name| name != OWNER_FILE && name != "lock");
         self.forget(|name| name != "lock");
         self.forget(|_| true);
         drop(fs::remove_dir(&self.path));
     }
 }
 
-/// The file that says whose a directory is.
-const ABOUT: &str = "job.json";
+/// Name of the file that says which job a directory belongs to.
+const OWNER_FILE: &str = "job.json";
 
-/// What to do about a directory that cannot be used.
+/// The remedy for a directory that cannot be used.
 const RESTART: &str = "give --restart to begin anew, or choose another --job";
-const OTHER: &str = "holds a job with other inputs or settings, or inputs that have changed since; \
+/// The problem and the remedy for a directory of another job.
+const OTHER: &str = "contains a job with other inputs or settings, or inputs that have changed since; \
                      give --restart to begin anew, or choose another --job";
 
 fn refused(path: &Path, problem: &str) -> JobError {
     JobError::Refused(format!("{}: {problem}", path.display()))
 }
 
-/// Makes the directory at `path` if it is not there: the names of the job's files in it.
+/// Creates the directory at `path` if it does not exist, and lists the names of the job's files
+/// in it.
 fn own_names(path: &Path) -> Result<Vec<String>, JobError> {
     fs::create_dir_all(path).map_err(|e| JobError::io("make the job directory", path, e))?;
     let entries = fs::read_dir(path).map_err(|e| JobError::io("read", path, e))?;
@@ -239,67 +220,12 @@ fn own_names(path: &Path) -> Result<Vec<String>, JobError> {
     names.map(own).collect::<Option<_>>().ok_or_else(|| {
         refused(
             path,
-            "holds files that are no job's; choose a new or empty directory with --job",
+            "contains files that no job made; choose a new or empty directory with --job",
         )
     })
 }
 
-/// Writes `content` to `path`, complete or not at all, where other processes may write the
-/// same at the same time.
-pub(crate) fn write_among_others(path: &Path, content: &[u8]) -> Result<(), JobError> {
-    // Processes on several machines may have one number, but not at one moment.
-    let now = UNIX_EPOCH.elapsed().unwrap_or_default().as_nanos();
-    let own = format!("job-{}-{now}.json", std::process::id());
-    let aside = path.with_file_name(own);
-    let write = write_checksummed(&aside, content).and_then(|()| fs::rename(&aside, path));
-    write.map_err(|e| JobError::io("write", path, e))
-}
-
-/// What the file at `path` holds, if it is there and whole.
-fn read_json<T: DeserializeOwned>(path: &Path) -> Option<T> {
-    let content = read_checksummed(path).ok()??;
-    serde_json::from_slice(&content).ok()
-}
-
-fn to_json(value: &impl Serialize) -> String {
-    serde_json::to_string_pretty(value).expect("plain numbers and text")
-}
-
-/// Bytes of the files in `dir` whose names are `wanted`; none if there is no such directory.
-pub(crate) fn bytes_in(dir: &Path, wanted: impl Fn(&str) -> bool) -> u64 {
-    let entries = fs::read_dir(dir).into_iter().flatten().flatten();
-    entries
-        .filter(|entry| entry.file_name().to_str().is_some_and(&wanted))
-        .filter_map(|entry| entry.metadata().ok())
-        .map(|metadata| metadata.len())
-        .sum()
-}
-
-/// Whether `name` is that of a file that jobs make.
-fn is_own(name: &str) -> bool {
-    const STEMS: [&str; 11] = [
-        "groups", "handover", "inputs", "job", "left-out", "lock", "octree", "plan", "spacing",
-        "spill", "tiles",
-    ];
-    const ENDINGS: [&str; 10] = [
-        "",
-        "json",
-        "part",
-        "bin",
-        "index",
-        "checkpoint",
-        "complete",
-        "left",
-        "solved",
-        "settled",
-    ];
-    let (stem, ending) = name.split_once('.').unwrap_or((name, ""));
-    // What processes share has numbers.
-    let stem = stem.trim_end_matches(|c: char| c == '-' || c.is_ascii_digit());
-    STEMS.contains(&stem) && ENDINGS.contains(&ending)
-}
-
-/// A name for the directory of the job that makes `output`.
+/// The usual job directory for `output`: `OUTPUT.job` beside it.
 pub(crate) fn default_directory(output: &Path) -> PathBuf {
     let mut name = output
         .file_name()
@@ -349,13 +275,13 @@ mod tests {
         });
         assert!(join(2).unwrap_err().to_string().contains("other inputs"));
         let names = own_names(&path).unwrap();
-        assert_eq!(names, [ABOUT]);
-        // One that takes hold of it knows it, too, and those who join find it done.
+        assert_eq!(names, [OWNER_FILE]);
+        // A process that locks the directory recognizes the job, too; later ones find it done.
         let mut job = open(&path, 1, false).unwrap();
         fs::write(&output, "a cloud").unwrap();
         job.deliver(Stamp::of(&output).unwrap()).unwrap();
         assert!(!join(1).unwrap());
-        fs::remove_file(path.join(ABOUT)).unwrap();
+        fs::remove_file(path.join(OWNER_FILE)).unwrap();
         fs::write(path.join("plan.json"), "of whom?").unwrap();
         assert!(join(1).unwrap_err().to_string().contains("plan.json"));
     }
@@ -378,7 +304,7 @@ mod tests {
             let path = dir.path().join(name);
             fs::write(&path, "precious").unwrap();
             let error = open(dir.path(), 1, true).unwrap_err().to_string();
-            assert!(error.contains("no job's"), "{error}");
+            assert!(error.contains("no job made"), "{error}");
             assert_eq!(fs::read(&path).unwrap(), b"precious");
             fs::remove_file(path).unwrap();
         }

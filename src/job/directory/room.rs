@@ -1,69 +1,63 @@
-//! Room on the disks, looked at before it is needed.
+//! Room on the disks, checked before it is needed.
 
 use std::path::{Path, PathBuf};
 
-use crate::job::{JobError, memory::mebibytes};
+use crate::job::{error::JobError, resources::mebibytes};
 
-/// What is about to be written.
-pub(crate) struct Need<'a> {
-    /// What it is called.
+/// Files that are about to be written.
+pub(crate) struct DiskNeed<'a> {
+    /// The files, in words for a message.
     pub(crate) what: String,
-    /// A directory on the file system that it goes to.
+    /// A directory on the file system where the files will be.
     pub(crate) dir: &'a Path,
+    /// Their length in bytes.
     pub(crate) bytes: u64,
 }
 
-/// Refuses what has no room.
+/// Checks that every file system has room for the sum of the `needs` on it.
 ///
 /// # Errors
 ///
-/// [`JobError::Refused`] with the file system, what it needs, and what it has.
-pub(crate) fn check_room(needs: &[Need<'_>]) -> Result<(), JobError> {
-    let mut left: Vec<&Need<'_>> = needs.iter().collect();
-    while let Some(first) = left.first() {
+/// [`JobError::Refused`] with the bytes that a file system has free and the bytes that are needed.
+pub(crate) fn check_room(needs: &[DiskNeed<'_>]) -> Result<(), JobError> {
+    let mut unchecked: Vec<&DiskNeed<'_>> = needs.iter().collect();
+    while let Some(first) = unchecked.first() {
         let disk = disk_of(first.dir);
-        let (here, elsewhere) = left.iter().partition(|need| disk_of(need.dir) == disk);
-        let here: Vec<&Need<'_>> = here;
-        // Some file systems do not tell; then it is seen when it happens.
+        let (here, elsewhere): (Vec<&DiskNeed<'_>>, _) = unchecked
+            .iter()
+            .copied()
+            .partition(|need| disk_of(need.dir) == disk);
+        // Where a file system does not report its free space, lack of it shows when files are written.
         let free = fs4::available_space(first.dir).unwrap_or(u64::MAX);
         let needed = here
             .iter()
             .fold(0, |sum: u64, need| sum.saturating_add(need.bytes));
         if needed > free {
-            let parts: Vec<String> = here
-                .iter()
-                .map(|need| {
-                    let (bytes, dir) = (mebibytes(need.bytes), need.dir.display());
-                    format!("{} in {dir}: {bytes}", need.what)
-                })
-                .collect();
-            return Err(JobError::Refused(format!(
-                "the disk has {} free, and the job needs about {} ({}); free some space, or put \
-                 temporary files on another disk with --job",
-                mebibytes(free),
-                mebibytes(needed),
-                parts.join(", ")
-            )));
+            return Err(no_room(&here, needed, free));
         }
-        left = elsewhere;
+        unchecked = elsewhere;
     }
     Ok(())
 }
 
-/// Writes the file at `path`, complete under its name or not there.
-///
-/// # Errors
-///
-/// [`JobError::Io`] if it cannot be written.
-pub(crate) fn write_file(path: &Path, content: &[u8]) -> Result<(), JobError> {
-    let mut part = path.to_owned().into_os_string();
-    part.push(".part");
-    std::fs::write(&part, content)
-        .and_then(|()| std::fs::rename(&part, path))
-        .map_err(|e| JobError::io("write", path, e))
+fn no_room(needs: &[&DiskNeed<'_>], needed: u64, free: u64) -> JobError {
+    let parts: Vec<String> = needs
+        .iter()
+        .map(|need| {
+            let (bytes, dir) = (mebibytes(need.bytes), need.dir.display());
+            format!("{} in {dir}: {bytes}", need.what)
+        })
+        .collect();
+    JobError::Refused(format!(
+        "the disk has {} free, and the job needs about {} ({}); free some space, or put temporary \
+         files on another disk with --job",
+        mebibytes(free),
+        mebibytes(needed),
+        parts.join(", ")
+    ))
 }
 
-/// The directory that a file at `path` lies in.
+/// The directory that contains the file at `path`.
 pub(crate) fn directory_of(path: &Path) -> PathBuf {
     match path.parent() {
         Some(parent) if parent != Path::new("") => parent.to_owned(),
@@ -71,14 +65,14 @@ pub(crate) fn directory_of(path: &Path) -> PathBuf {
     }
 }
 
-/// What tells a file system from another.
+/// The number by which the system distinguishes the file system of `dir` from others.
 #[cfg(unix)]
 fn disk_of(dir: &Path) -> Option<u64> {
     use std::os::unix::fs::MetadataExt;
     std::fs::metadata(dir).ok().map(|metadata| metadata.dev())
 }
 
-/// Where that is not known, all is taken for one.
+/// Without numbers of file systems all directories are taken to be on one.
 #[cfg(not(unix))]
 fn disk_of(_: &Path) -> Option<u64> {
     None
@@ -91,7 +85,7 @@ mod tests {
     #[test]
     fn what_does_not_fit_is_refused_with_the_sum() {
         let dir = tempfile::tempdir().unwrap();
-        let need = |bytes| Need {
+        let need = |bytes| DiskNeed {
             what: "a file".to_owned(),
             dir: dir.path(),
             bytes,

@@ -1,5 +1,7 @@
-//! Where the last stage puts what only it needs: on a disk of its own machine it is faster
-//! than in a job directory on a network.
+//! Temporary files that only the last stage reads.
+//!
+//! A disk of the machine itself is faster than a job directory on a network, so the user may name a
+//! scratch directory for these files.
 
 use std::{
     fs,
@@ -7,25 +9,25 @@ use std::{
     time::UNIX_EPOCH,
 };
 
-use crate::job::{JobError, Progress, memory::mebibytes};
+use crate::job::{error::JobError, progress::Progress, resources::mebibytes};
 
-/// A directory for files that nobody else reads.
+/// A directory for files that no other process reads.
 #[derive(Debug)]
 pub(crate) struct Scratch {
     path: PathBuf,
-    /// Whether it goes when it is not needed any more, with all that is in it.
+    /// Whether the directory is removed with its content when this value is dropped.
     is_own: bool,
 }
 
 impl Scratch {
-    /// A new directory in `asked` if that has room for so many `bytes`, or else `job_dir`
-    /// itself: `progress` is told why.
+    /// Creates a directory in `requested` if that has room for `bytes`; otherwise takes `job_dir`
+    /// itself, and notes the reason in `progress`.
     ///
     /// # Errors
     ///
-    /// If `asked` is no directory that can be written to.
+    /// [`JobError::Io`] if `requested` is not a directory that can be written to.
     pub(crate) fn choose(
-        asked: Option<&Path>,
+        requested: Option<&Path>,
         job_dir: &Path,
         bytes: u64,
         progress: &dyn Progress,
@@ -34,11 +36,12 @@ impl Scratch {
             path: job_dir.to_owned(),
             is_own: false,
         };
-        let Some(asked) = asked else {
+        let Some(requested) = requested else {
             return Ok(job_dir);
         };
-        let free = fs4::available_space(asked).map_err(|e| JobError::io("read", asked, e))?;
-        let problem = match is_memory(asked) {
+        let free =
+            fs4::available_space(requested).map_err(|e| JobError::io("read", requested, e))?;
+        let problem = match is_memory(requested) {
             true => "is memory, not a disk".to_owned(),
             false if free < bytes => {
                 let (free, needed) = (mebibytes(free), mebibytes(bytes));
@@ -47,18 +50,19 @@ impl Scratch {
             false => String::new(),
         };
         if !problem.is_empty() {
-            let asked = asked.display();
+            let requested = requested.display();
             progress.note(&format!(
-                "{asked} {problem}: the job directory is used instead"
+                "{requested} {problem}: the job directory is used instead"
             ));
             return Ok(job_dir);
         }
         let now = UNIX_EPOCH.elapsed().unwrap_or_default().as_nanos();
-        let path = asked.join(format!("lloydar-{}-{now}", std::process::id()));
+        let path = requested.join(format!("lloydar-{}-{now}", std::process::id()));
         fs::create_dir(&path).map_err(|e| JobError::io("make the directory", &path, e))?;
         Ok(Self { path, is_own: true })
     }
 
+    /// The path of the directory.
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }
@@ -72,17 +76,17 @@ impl Drop for Scratch {
     }
 }
 
-/// Whether files in `dir` are held in memory, where they count as the program's; not if the
-/// system does not tell.
+/// Whether files in `dir` reside in memory, where they count against the program's limit; `false`
+/// where the system does not list its mounts.
 fn is_memory(dir: &Path) -> bool {
     let mounts = fs::read_to_string("/proc/mounts").unwrap_or_default();
     let dir = dir.canonicalize().unwrap_or_else(|_| dir.to_owned());
-    // Of the places that it lies in the innermost, and of those the last mounted.
+    // The innermost mount point above `dir` decides, and the last mount if there are several.
     let around = mounts.lines().filter_map(|line| {
         let mut words = line.split(' ').skip(1);
-        let (place, kind) = (Path::new(words.next()?), words.next()?);
-        dir.starts_with(place)
-            .then(|| (place.components().count(), kind))
+        let (mount_point, kind) = (Path::new(words.next()?), words.next()?);
+        dir.starts_with(mount_point)
+            .then(|| (mount_point.components().count(), kind))
     });
     let innermost = around.max_by_key(|(depth, _)| *depth);
     innermost.is_some_and(|(_, kind)| matches!(kind, "tmpfs" | "ramfs"))
@@ -91,15 +95,15 @@ fn is_memory(dir: &Path) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::Quiet;
+    use crate::job::progress::Quiet;
 
     #[test]
-    fn a_scratch_is_used_if_it_has_room_and_goes_with_all_that_is_in_it() {
+    fn a_scratch_directory_is_used_if_it_has_room_and_is_removed_with_its_content() {
         let (job, disk) = (
             tempfile::tempdir().unwrap(),
             tempfile::tempdir_in(".").unwrap(),
         );
-        let choose = |asked, bytes| Scratch::choose(asked, job.path(), bytes, &Quiet);
+        let choose = |requested, bytes| Scratch::choose(requested, job.path(), bytes, &Quiet);
         assert_eq!(choose(None, 1).unwrap().path(), job.path());
         assert_eq!(
             choose(Some(disk.path()), u64::MAX).unwrap().path(),
@@ -117,7 +121,7 @@ mod tests {
 
     #[test]
     #[cfg(target_os = "linux")]
-    fn memory_is_told_from_disks() {
+    fn memory_is_distinguished_from_disks() {
         assert!(is_memory(Path::new("/dev/shm")));
         assert!(!is_memory(Path::new("/proc")));
     }

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use crate::job::{
     JobError,
-    memory::{Budget, mebibytes},
+    resources::{Budget, mebibytes},
     solving::FARTHEST,
 };
 use crate::{

@@ -1,4 +1,4 @@
-//! What a run takes: seconds, memory and disk, by stage and over time.
+//! Seconds of the stages of a run, and samples of its memory and disk over time.
 
 use std::{
     path::Path,
@@ -10,32 +10,34 @@ use std::{
 use crossbeam::channel::{self, RecvTimeoutError, Sender};
 use serde::{Deserialize, Serialize};
 
-use crate::job::{
-    Progress, Standing,
-    directory::bytes_in,
+use super::{
     forecast::Forecast,
     memory::{peak_resident, resident},
+};
+use crate::job::{
+    directory::bytes_in,
+    progress::{Progress, Standing},
 };
 
 /// Time and memory of a stage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct StageCost {
-    /// The stage.
+    /// Name of the stage.
     pub(crate) stage: String,
-    /// Seconds that it took in this run.
+    /// Seconds of the stage in this run.
     pub(crate) seconds: f64,
-    /// Most memory held until its end, in bytes.
+    /// Largest resident memory of the run until the end of the stage, in bytes.
     pub(crate) peak: Option<u64>,
 }
 
-/// What was held at a moment of a run.
+/// Resident memory and temporary files of a run at one moment.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ResourceSample {
     /// Seconds since the run began.
     pub(crate) seconds: f64,
-    /// Memory, in bytes; nothing where the system does not tell.
+    /// Resident memory in bytes; `None` where the system does not report it.
     pub(crate) memory: Option<u64>,
-    /// Files in the job directory, in bytes.
+    /// Bytes of the files in the job directory.
     pub(crate) disk: u64,
 }
 
@@ -49,48 +51,54 @@ impl ResourceSample {
     }
 }
 
-/// How often is looked.
-const TICK: Duration = Duration::from_millis(250);
-/// Moments that are kept: when there are more, every other one goes.
-const MOST_HELD: usize = 400;
+/// Time between two samples of memory and disk.
+const SAMPLING_INTERVAL: Duration = Duration::from_millis(250);
+/// Number of samples beyond which every other one is dropped.
+const SAMPLE_LIMIT: usize = 400;
 
-/// Times the stages of a run, and looks now and then at what it holds.
+/// Times the stages of a run, and samples its memory and its temporary files.
 pub(crate) struct Clock {
     start: Instant,
-    last: Instant,
-    stages: Vec<StageCost>,
-    held: Arc<Mutex<Series>>,
-    /// Dropped, it ends the watch.
-    watch: Option<Sender<()>>,
+    stages: Mutex<Stages>,
+    samples: Arc<Mutex<SampleSeries>>,
+    /// The sampling thread ends when this is dropped.
+    sampling: Mutex<Option<Sender<()>>>,
 }
 
-/// Moments at equal distances in time.
+/// The stages that have ended.
+struct Stages {
+    /// The end of the last stage.
+    last: Instant,
+    costs: Vec<StageCost>,
+}
+
+/// Samples at equal distances in time.
 #[derive(Debug)]
-struct Series {
-    held: Vec<ResourceSample>,
+struct SampleSeries {
+    samples: Vec<ResourceSample>,
     stride: u32,
     ticks: u32,
 }
 
-impl Series {
+impl SampleSeries {
     fn new() -> Self {
         Self {
-            held: Vec::new(),
+            samples: Vec::new(),
             stride: 1,
             ticks: 0,
         }
     }
 
-    fn push(&mut self, held: ResourceSample) {
+    fn push(&mut self, sample: ResourceSample) {
         if self.ticks.is_multiple_of(self.stride) {
-            self.held.push(held);
+            self.samples.push(sample);
         }
         self.ticks += 1;
-        if self.held.len() > MOST_HELD {
-            let mut place = 0;
-            self.held.retain(|_| {
-                place += 1;
-                place % 2 == 1
+        if self.samples.len() > SAMPLE_LIMIT {
+            let mut number = 0;
+            self.samples.retain(|_| {
+                number += 1;
+                number % 2 == 1
             });
             self.stride *= 2;
         }
@@ -98,32 +106,22 @@ impl Series {
 }
 
 impl Clock {
-    pub(crate) fn new() -> Self {
-        let start = Instant::now();
-        Self {
-            start,
-            last: start,
-            stages: Vec::new(),
-            held: Arc::new(Mutex::new(Series::new())),
-            watch: None,
-        }
-    }
-
-    /// DisplayAttributes from now on, in a thread of its own, at the memory and at the files in `dir`,
-    /// and tells the listener of `forecast` where the run stands.
-    pub(crate) fn watch<'scope, 'env: 'scope>(
-        &mut self,
+    /// Starts the clock. A thread of `scope` samples the memory and the files in `dir` from now
+    /// on, and reports to the listener of `forecast` where the run stands in its `budget` of bytes.
+    pub(crate) fn start<'scope, 'env: 'scope>(
         scope: &'scope Scope<'scope, 'env>,
         dir: &'env Path,
         budget: u64,
         forecast: &'env Forecast<'env>,
-    ) {
-        let (watch, ended) = channel::bounded::<()>(0);
-        let (start, held) = (self.start, Arc::clone(&self.held));
+    ) -> Self {
+        let start = Instant::now();
+        let samples = Arc::new(Mutex::new(SampleSeries::new()));
+        let (sampling, ended) = channel::bounded::<()>(0);
+        let series = Arc::clone(&samples);
         scope.spawn(move || {
-            while ended.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
+            while ended.recv_timeout(SAMPLING_INTERVAL) == Err(RecvTimeoutError::Timeout) {
                 let now = ResourceSample::now(start, dir);
-                lock(&held).push(now);
+                locked(&series).push(now);
                 forecast.standing(&Standing {
                     memory: now.memory,
                     budget,
@@ -131,29 +129,41 @@ impl Clock {
                 });
             }
         });
-        self.watch = Some(watch);
+        Self {
+            start,
+            stages: Mutex::new(Stages {
+                last: start,
+                costs: Vec::new(),
+            }),
+            samples,
+            sampling: Mutex::new(Some(sampling)),
+        }
     }
 
-    /// A stage has come to its end.
-    pub(crate) fn stop(&mut self, stage: &str) {
-        self.stages.push(StageCost {
+    /// Records that `stage` has ended, and that the next one begins.
+    pub(crate) fn end_stage(&self, stage: &str) {
+        let mut stages = locked(&self.stages);
+        let seconds = stages.last.elapsed().as_secs_f64();
+        stages.costs.push(StageCost {
             stage: stage.to_owned(),
-            seconds: self.last.elapsed().as_secs_f64(),
+            seconds,
             peak: peak_resident(),
         });
-        self.last = Instant::now();
+        stages.last = Instant::now();
     }
 
-    /// The stages, and what was held over time, now that all is done in `dir`.
-    pub(crate) fn costs(self, dir: &Path) -> (Vec<StageCost>, Vec<ResourceSample>) {
-        let mut held = lock(&self.held).held.clone();
-        held.push(ResourceSample::now(self.start, dir));
-        (self.stages, held)
+    /// Stops sampling. Returns the costs of the stages, and all samples with a last one of now and
+    /// of the files in `dir`.
+    pub(crate) fn stop(&self, dir: &Path) -> (Vec<StageCost>, Vec<ResourceSample>) {
+        locked(&self.sampling).take();
+        let mut samples = locked(&self.samples).samples.clone();
+        samples.push(ResourceSample::now(self.start, dir));
+        (locked(&self.stages).costs.clone(), samples)
     }
 }
 
-fn lock(held: &Mutex<Series>) -> MutexGuard<'_, Series> {
-    held.lock().unwrap_or_else(PoisonError::into_inner)
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]
@@ -162,7 +172,7 @@ mod tests {
 
     #[test]
     fn a_long_run_is_kept_in_bounded_room_from_end_to_end() {
-        let mut series = Series::new();
+        let mut series = SampleSeries::new();
         for second in 0..10_000 {
             series.push(ResourceSample {
                 seconds: f64::from(second),
@@ -170,10 +180,14 @@ mod tests {
                 disk: 0,
             });
         }
-        let held = &series.held;
-        assert!((MOST_HELD / 2..=MOST_HELD).contains(&held.len()));
-        let step = held[1].seconds - held[0].seconds;
-        assert!(held.windows(2).all(|w| w[1].seconds - w[0].seconds == step));
-        assert!(held[0].seconds == 0.0 && held[held.len() - 1].seconds > 9_900.0);
+        let samples = &series.samples;
+        assert!((SAMPLE_LIMIT / 2..=SAMPLE_LIMIT).contains(&samples.len()));
+        let step = samples[1].seconds - samples[0].seconds;
+        assert!(
+            samples
+                .windows(2)
+                .all(|w| w[1].seconds - w[0].seconds == step)
+        );
+        assert!(samples[0].seconds == 0.0 && samples[samples.len() - 1].seconds > 9_900.0);
     }
 }

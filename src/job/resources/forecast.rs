@@ -1,13 +1,17 @@
-//! How long a run will still take.
+//! The remaining time of a run.
+//!
+//! Before a stage begins its time is the plan's estimate. While it is at work the share that is done
+//! and the seconds that this share took give the rest: t·(1 − s)/(s − s₀), where s₀ is the share
+//! that an earlier run had done.
 
 use std::{
     sync::{Mutex, MutexGuard, PoisonError},
     time::Instant,
 };
 
-use crate::job::{Progress, Standing, Unit};
+use crate::job::progress::{Progress, Standing, Unit};
 
-/// Listens to a job on behalf of another listener, and knows what remains.
+/// A listener that passes all reports on to another one, and estimates the remaining time.
 pub(crate) struct Forecast<'a> {
     listener: &'a dyn Progress,
     state: Mutex<State>,
@@ -15,27 +19,30 @@ pub(crate) struct Forecast<'a> {
 
 #[derive(Default)]
 struct State {
-    /// The stages to come in their order, and the seconds that each is expected to take:
-    /// unknown before there is a plan.
+    /// The stages ahead in their order, with the expected seconds of each; empty before there is a
+    /// plan.
     ahead: Vec<(&'static str, f64)>,
-    now: Option<Current>,
+    current: Option<CurrentStage>,
 }
 
 /// The stage at work.
-struct Current {
+struct CurrentStage {
     total: u64,
     done: u64,
-    /// Share that an earlier run had done, and that is done.
+    /// The share that an earlier run had done.
     before: f64,
+    /// The share that is done.
     share: f64,
-    /// Whether the share is told, rather than counted.
-    is_told: bool,
+    /// Whether the share is reported by the stage, rather than counted in units.
+    is_reported: bool,
+    /// Expected seconds of the whole stage.
     expected: f64,
     start: Instant,
     last: Instant,
 }
 
-impl Current {
+impl CurrentStage {
+    /// Seconds until the stage is done.
     fn remaining(&self) -> f64 {
         let gained = self.share - self.before;
         let rest = 1.0 - self.share;
@@ -51,13 +58,15 @@ impl Current {
         self.share = share;
         self.last = Instant::now();
         if share <= self.before {
-            // What went before, the first tile being read, says nothing of the speed.
+            // The time before the first work, in which the first tile is read, says nothing of the
+            // speed.
             self.start = self.last;
         }
     }
 }
 
 impl<'a> Forecast<'a> {
+    /// A forecast that passes reports on to `listener`.
     pub(crate) fn new(listener: &'a dyn Progress) -> Self {
         Self {
             listener,
@@ -69,25 +78,25 @@ impl<'a> Forecast<'a> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The stages to come, with the seconds that each is expected to take.
+    /// Sets the stages ahead, with the expected seconds of each.
     pub(crate) fn expect(&self, stages: &[(&'static str, f64)]) {
         self.state().ahead = stages.to_vec();
     }
 
-    /// Of the stage at work this share is done, however many of its units.
+    /// Reports that this `share` of the stage at work is done, whatever the number of its units.
     pub(crate) fn reach(&self, share: f64) {
-        if let Some(now) = &mut self.state().now {
-            now.is_told = true;
-            now.reach(share);
+        if let Some(stage) = &mut self.state().current {
+            stage.is_reported = true;
+            stage.reach(share);
         }
     }
 
-    /// Seconds until the run is done; nothing before that can be told.
+    /// Seconds until the run is done; `None` before there is an estimate.
     pub(crate) fn remaining(&self) -> Option<f64> {
         let state = self.state();
         let ahead: f64 = state.ahead.iter().map(|(_, seconds)| seconds).sum();
-        let is_known = !state.ahead.is_empty() || state.now.as_ref()?.expected > 0.0;
-        is_known.then(|| ahead + state.now.as_ref().map_or(0.0, Current::remaining))
+        let is_known = !state.ahead.is_empty() || state.current.as_ref()?.expected > 0.0;
+        is_known.then(|| ahead + state.current.as_ref().map_or(0.0, CurrentStage::remaining))
     }
 }
 
@@ -95,20 +104,20 @@ impl Progress for Forecast<'_> {
     fn begin(&self, stage: &str, total: u64, done: u64, unit: Unit) {
         self.listener.begin(stage, total, done, unit);
         let mut state = self.state();
-        let place = state.ahead.iter().position(|(name, _)| *name == stage);
-        let expected = match place {
-            // What comes before it in the order is over.
-            Some(place) => state.ahead.drain(..=place).next_back(),
+        let index = state.ahead.iter().position(|(name, _)| *name == stage);
+        let expected = match index {
+            // The stages before it in the order are over.
+            Some(index) => state.ahead.drain(..=index).next_back(),
             None => None,
         };
         let before = done as f64 / total.max(1) as f64;
         let start = Instant::now();
-        state.now = Some(Current {
+        state.current = Some(CurrentStage {
             total,
             done,
             before,
             share: before,
-            is_told: false,
+            is_reported: false,
             expected: expected.map_or(0.0, |(_, seconds)| seconds),
             start,
             last: start,
@@ -117,17 +126,17 @@ impl Progress for Forecast<'_> {
 
     fn advance(&self, amount: u64) {
         self.listener.advance(amount);
-        if let Some(now) = &mut self.state().now {
-            now.done += amount;
-            if !now.is_told {
-                now.reach(now.done as f64 / now.total.max(1) as f64);
+        if let Some(stage) = &mut self.state().current {
+            stage.done += amount;
+            if !stage.is_reported {
+                stage.reach(stage.done as f64 / stage.total.max(1) as f64);
             }
         }
     }
 
     fn end(&self) {
         self.listener.end();
-        self.state().now = None;
+        self.state().current = None;
     }
 
     fn note(&self, text: &str) {
@@ -142,7 +151,7 @@ impl Progress for Forecast<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::Quiet;
+    use crate::job::progress::Quiet;
 
     #[test]
     fn what_remains_is_the_stage_at_work_and_those_ahead() {

@@ -1,5 +1,10 @@
 //! What a run may use and what it uses: memory, disk and time.
 
-pub(crate) mod clock;
-pub(crate) mod forecast;
-pub(crate) mod memory;
+mod budget;
+mod clock;
+mod forecast;
+mod memory;
+
+pub(crate) use budget::{Budget, mebibytes, points_for, tile_bytes};
+pub(crate) use clock::{Clock, ResourceSample, StageCost};
+pub(crate) use forecast::Forecast;

@@ -7,10 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::job::{
     JobError, Progress, Survey,
-    directory::{JobDirectory, bytes_in},
-    disk::{Need, check_room, directory_of},
+    directory::{DiskNeed, JobDirectory, bytes_in, check_room, directory_of},
     gathering::gather_points,
-    memory::{Budget, bytes_of, mebibytes, points_for},
+    resources::{Budget, mebibytes, points_for, tile_bytes},
     running::Job,
     spacing::refusal,
     transfer::Transfer,
@@ -210,12 +209,12 @@ impl Planning<'_> {
             .extension()
             .is_some_and(|e| e.eq_ignore_ascii_case("laz"));
         check_room(&[
-            Need {
+            DiskNeed {
                 what: "solved tiles".to_owned(),
                 dir: self.directory.path(),
                 bytes: solved.saturating_sub(present),
             },
-            Need {
+            DiskNeed {
                 what: "the output".to_owned(),
                 dir: &directory_of(&self.job.output),
                 bytes: if is_compressed { records / 2 } else { records },
@@ -263,7 +262,7 @@ impl Planning<'_> {
                 Square {
                     place,
                     points,
-                    cost: bytes_of(held as f64, seeds).ceil() as u64,
+                    cost: tile_bytes(held as f64, seeds).ceil() as u64,
                 }
             })
             .collect()

@@ -10,8 +10,8 @@ use crossbeam::channel;
 
 use crate::job::{
     JobError,
+    directory::SolvedTiles,
     solving::{load, solve_tile},
-    tiles::SolvedTiles,
     transfer::Transfer,
 };
 use crate::{

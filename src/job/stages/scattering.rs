@@ -13,7 +13,7 @@ use crate::job::{
     JobError, LeftOut, Progress, Survey, Unit, Worker,
     cluster::{AttemptState, Claim, GROUP_LIMIT, WorkKind},
     directory::write_among_others,
-    memory::Budget,
+    resources::Budget,
 };
 use crate::{
     las::{LasError, PointStream},

@@ -3,12 +3,13 @@
 use std::ops::ControlFlow;
 
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
-use crate::job::{JobError, gathering::gather_points, memory::points_for, transfer::Transfer};
+use crate::job::{
+    JobError, TileFigures, gathering::gather_points, resources::points_for, transfer::Transfer,
+};
 use crate::{
     geometry::{AT_ONCE, Local, NeighborGrid, Quantization, Rect, Stored},
-    lloyd::{DistanceSums, Scan, Site, SolverOptions, TileRegion, solve_watched, uniformity},
+    lloyd::{Scan, Site, SolverOptions, TileRegion, solve_watched, uniformity},
     quality::{DistanceTally, UniformityTally},
     tile::{Plan, SolvedSite, SolvedTile, Spill, Tile},
 };
@@ -20,34 +21,6 @@ pub(crate) const BAND: f64 = 4.0;
 /// How far an input point is looked for around an output point, and the other
 /// way round, in spacings.
 pub(crate) const FARTHEST: f64 = 8.0;
-
-/// The figures of one tile. Lengths are CRS units.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct TileFigures {
-    /// The tile.
-    pub(crate) tile: Tile,
-    /// Seconds that it took, from its points to its file.
-    pub(crate) seconds: f64,
-    /// Sites of the core.
-    pub(crate) sites: u64,
-    /// Of those, sites left where they were elected.
-    pub(crate) held: u64,
-    /// Of those, sites that the tile saw all of what matters to.
-    pub(crate) exact: u64,
-    /// Nearest distances of the input's own points: of as many of them, about,
-    /// as there are sites.
-    pub(crate) input: UniformityTally,
-    /// Uniformity of the seeds.
-    pub(crate) seeds: UniformityTally,
-    /// Uniformity of the sites.
-    pub(crate) uniformity: UniformityTally,
-    /// Sites to their nearest input point.
-    pub(crate) accuracy: DistanceTally,
-    /// Input points to their nearest site.
-    pub(crate) coverage: DistanceTally,
-    /// Nearest distances at the start of every iteration, and at the end.
-    pub(crate) convergence: Vec<DistanceSums>,
-}
 
 /// A tile that has been read.
 pub(crate) struct Loaded {
@@ -126,7 +99,7 @@ pub(crate) fn solve_tile(
         tile,
         seconds: 0.0,
         sites: own.len() as u64,
-        held: own.iter().filter(|s| s.is_fixed).count() as u64,
+        fixed: own.iter().filter(|s| s.is_fixed).count() as u64,
         exact: own.iter().filter(|s| s.is_exact).count() as u64,
         input: input_distances(&scan, &core, options),
         seeds: uniformity(solution.seeds.iter().filter(in_core), options.spacing),

@@ -178,6 +178,13 @@ impl Survey {
         self.inputs.iter().map(|input| input.points_claimed).sum()
     }
 
+    /// The paths of all inputs, of those that are left out, too.
+    pub(crate) fn paths(&self) -> impl Iterator<Item = PathBuf> {
+        let inputs = self.inputs.iter().map(|input| input.path.clone());
+        let left_out = self.left_out.iter().map(|bad| PathBuf::from(&bad.path));
+        inputs.chain(left_out)
+    }
+
     /// The longer side of what the headers claim, in stored units.
     pub(crate) fn extent_claimed(&self) -> i64 {
         let (min, max) = claimed_bounds(&self.inputs);

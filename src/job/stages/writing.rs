@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::job::{JobError, Progress, solving::BAND, tiles::SolvedTiles};
+use crate::job::{JobError, Progress, directory::SolvedTiles, solving::BAND};
 use crate::{
     geometry::{Local, NeighborGrid, Quantization, Rect, Stored},
     las::{CloudWriter, RecordView},

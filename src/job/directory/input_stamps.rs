@@ -1,26 +1,27 @@
-//! The inputs of a job as they were when it began: half of one that has changed since may have
-//! been read before.
+//! The stamps of the inputs when a job begins.
+//!
+//! A job reads its inputs over hours, and a resumed job over days. If an input changes meanwhile,
+//! part of the old file may have been read already: the job is refused then.
 
 use std::path::PathBuf;
 
-use crate::job::{JobError, Survey, directory::Stamp};
+use super::stamp::Stamp;
+use crate::job::error::JobError;
 
-/// The inputs of a job as they were when it began.
+/// The inputs of a job with their stamps when it began, in the order of their paths.
 pub(crate) struct InputStamps(Vec<(PathBuf, Option<Stamp>)>);
 
 impl InputStamps {
-    pub(crate) fn of(survey: &Survey) -> Self {
-        let inputs = survey.inputs.iter().map(|input| input.path.clone());
-        let left_out = survey.left_out.iter().map(|bad| PathBuf::from(&bad.path));
-        let mut stamps: Vec<(PathBuf, Option<Stamp>)> = inputs
-            .chain(left_out)
+    /// Reads the stamps of the files at `paths`; an unreadable file has none.
+    pub(crate) fn of(paths: impl Iterator<Item = PathBuf>) -> Self {
+        let mut stamps: Vec<(PathBuf, Option<Stamp>)> = paths
             .map(|path| (path.clone(), Stamp::of(&path).ok()))
             .collect();
         stamps.sort_by(|a, b| a.0.cmp(&b.0));
         Self(stamps)
     }
 
-    /// For the identity of the job, which is text.
+    /// The stamps with their paths as text, for the identity of the job.
     pub(crate) fn by_name(&self) -> Vec<(String, Option<Stamp>)> {
         let stamps = self.0.iter();
         stamps
@@ -28,7 +29,11 @@ impl InputStamps {
             .collect()
     }
 
-    /// Refuses what has changed since: half of it may have been read before.
+    /// Checks that no input has changed since the stamps were read.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError::Refused`] with the path of the first input that has changed.
     pub(crate) fn check(&self) -> Result<(), JobError> {
         let has_changed =
             |(path, stamp): &&(PathBuf, Option<Stamp>)| Stamp::of(path).ok() != *stamp;

@@ -1,0 +1,62 @@
+//! Names of the files that jobs make; nothing else is ever removed from a job directory.
+
+use std::{fs, path::Path};
+
+/// Stems of the names of a job's files, without the numbers of groups and attempts.
+const STEMS: [&str; 11] = [
+    "groups", "handover", "inputs", "job", "left-out", "lock", "octree", "plan", "spacing",
+    "spill", "tiles",
+];
+
+/// Endings of the names of a job's files.
+const ENDINGS: [&str; 10] = [
+    "",
+    "json",
+    "part",
+    "bin",
+    "index",
+    "checkpoint",
+    "complete",
+    "left",
+    "solved",
+    "settled",
+];
+
+/// Whether `name` is the name of a file that jobs make.
+pub(super) fn is_own(name: &str) -> bool {
+    let (stem, ending) = name.split_once('.').unwrap_or((name, ""));
+    // Files of groups that processes share carry the numbers of the group and of the attempt.
+    let stem = stem.trim_end_matches(|c: char| c == '-' || c.is_ascii_digit());
+    STEMS.contains(&stem) && ENDINGS.contains(&ending)
+}
+
+/// Sums the bytes of the files in `dir` whose names are `wanted`; 0 if there is no such directory.
+pub(crate) fn bytes_in(dir: &Path, wanted: impl Fn(&str) -> bool) -> u64 {
+    let entries = fs::read_dir(dir).into_iter().flatten().flatten();
+    entries
+        .filter(|entry| entry.file_name().to_str().is_some_and(&wanted))
+        .filter_map(|entry| entry.metadata().ok())
+        .map(|metadata| metadata.len())
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_jobs_are_known_with_and_without_numbers() {
+        for own in [
+            "lock",
+            "job.json",
+            "job-12-34.json",
+            "spill-3-0.index",
+            "tiles.solved",
+        ] {
+            assert!(is_own(own), "{own}");
+        }
+        for other in ["tile-photo.jpg", "plan.xls", "spills.bin", "job.json.bak"] {
+            assert!(!is_own(other), "{other}");
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! Small files that are complete under their names or not there.
+
+use std::{fs, path::Path, time::UNIX_EPOCH};
+
+use serde::{Serialize, de::DeserializeOwned};
+
+use crate::{
+    job::error::JobError,
+    tile::{read_checksummed, write_checksummed},
+};
+
+/// Reads the JSON file at `path`; `None` if it is missing or damaged.
+pub(super) fn read_json<T: DeserializeOwned>(path: &Path) -> Option<T> {
+    let content = read_checksummed(path).ok()??;
+    serde_json::from_slice(&content).ok()
+}
+
+/// Writes `value` as JSON to `path`, completely or not at all.
+///
+/// # Errors
+///
+/// [`JobError::Io`] if the file cannot be written.
+pub(super) fn write_json(path: &Path, value: &impl Serialize) -> Result<(), JobError> {
+    write_checksummed(path, to_json(value).as_bytes()).map_err(|e| JobError::io("write", path, e))
+}
+
+/// Formats `value` as JSON on several lines.
+pub(super) fn to_json(value: &impl Serialize) -> String {
+    serde_json::to_string_pretty(value).expect("the job's files consist of plain numbers and text")
+}
+
+/// Writes `content` to `path`, completely or not at all, where other processes may write equal
+/// content at the same time.
+///
+/// # Errors
+///
+/// [`JobError::Io`] if the file cannot be written.
+pub(crate) fn write_among_others(path: &Path, content: &[u8]) -> Result<(), JobError> {
+    // Processes on several machines may have equal numbers, but not at one moment.
+    let now = UNIX_EPOCH.elapsed().unwrap_or_default().as_nanos();
+    let own = format!("job-{}-{now}.json", std::process::id());
+    let aside = path.with_file_name(own);
+    let write = write_checksummed(&aside, content).and_then(|()| fs::rename(&aside, path));
+    write.map_err(|e| JobError::io("write", path, e))
+}
+
+/// Writes `content` to `path` without a checksum: the file is complete under its name or not there.
+///
+/// # Errors
+///
+/// [`JobError::Io`] if the file cannot be written.
+pub(crate) fn write_file(path: &Path, content: &[u8]) -> Result<(), JobError> {
+    let mut part = path.to_owned().into_os_string();
+    part.push(".part");
+    fs::write(&part, content)
+        .and_then(|()| fs::rename(&part, path))
+        .map_err(|e| JobError::io("write", path, e))
+}

@@ -1,0 +1,120 @@
+//! The memory of a job, divided among its stages.
+//!
+//! The costs below were measured. A tile is planned so that its points and seeds fit; decoders and
+//! buffers of the scatter share the same budget before there are tiles.
+
+use super::memory::memory_limit;
+
+/// Bytes of the program, its threads and small values, measured on a job of a few points.
+const BASE_BYTES: u64 = 48 << 20;
+/// Bytes of a decoder with its batches: LAZ models, raw and converted points, and points that wait
+/// for the writer.
+const BYTES_PER_DECODER: u64 = 16 << 20;
+/// Bytes per point of a tile that is being read; the sort of the scan is the peak.
+const BYTES_PER_POINT_READ: f64 = 32.0;
+/// Bytes per point of a tile that is being solved.
+const BYTES_PER_POINT_SOLVED: f64 = 9.0;
+/// Bytes per voxel of a tile's scan: sample, table, order. A tile is solved while the next one is
+/// read, and both have voxels.
+const BYTES_PER_VOXEL: f64 = 2.0 * 50.0;
+/// Approximate number of voxels per seed: eight on a plane that is parallel to the lattice, twelve
+/// on one that crosses it.
+const VOXELS_PER_SEED: f64 = 12.0;
+/// Positions that the filling adds per seed where the scan is coarser than the output.
+const FILLED_POSITIONS_PER_SEED: f64 = 4.0;
+/// Bytes per seed of a tile: states, steps, responses to moves, histories.
+const BYTES_PER_SEED: f64 = 900.0;
+/// Share of the budget that a tile may use, because the allocator does not return all memory at
+/// once. With the costs above and a share of 0.85 fifteen runs of the demo's job, whose three tiles
+/// just fit, had peaks of 68 to 93 % of 256 MiB.
+const USABLE_SHARE: f64 = 0.8;
+/// The largest cost of a tile in bytes, however large the budget: a stopped job loses the tile that
+/// it was solving.
+const LARGEST_TILE_BYTES: u64 = 5 << 29;
+
+/// The memory and the threads of a job.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Budget {
+    /// Peak memory in bytes.
+    pub(crate) total: u64,
+    /// Worker threads.
+    pub(crate) threads: usize,
+}
+
+impl Budget {
+    /// The budget of `requested` bytes, or of three quarters of the memory that the system allows.
+    pub(crate) fn new(requested: Option<u64>, threads: usize) -> Self {
+        let by_machine = || memory_limit().map_or(2 << 30, |limit| limit / 4 * 3);
+        Self {
+            total: requested.unwrap_or_else(by_machine),
+            threads,
+        }
+    }
+
+    /// Number of decoders that may work at once.
+    pub(crate) fn decoders(&self) -> usize {
+        let affordable = (self.total.saturating_sub(BASE_BYTES) / 2 / BYTES_PER_DECODER) as usize;
+        self.threads.min(affordable).max(1)
+    }
+
+    /// Bytes for the buffers of the scatter.
+    pub(crate) fn buffers(&self) -> usize {
+        (self.total / 8).clamp(4 << 20, 256 << 20) as usize
+    }
+
+    /// Largest cost of a tile in bytes.
+    pub(crate) fn tile(&self) -> u64 {
+        let usable = (self.total.saturating_sub(BASE_BYTES) as f64 * USABLE_SHARE) as u64;
+        usable.min(LARGEST_TILE_BYTES)
+    }
+
+    /// Number of points that fit at `bytes` each.
+    pub(crate) fn points(&self, bytes: f64) -> u64 {
+        (self.tile() as f64 / bytes) as u64
+    }
+
+    /// The smallest budget, in bytes, with which a tile that costs `bytes` fits.
+    pub(crate) fn needed(&self, bytes: f64) -> u64 {
+        BASE_BYTES + (bytes / USABLE_SHARE).ceil() as u64
+    }
+
+    /// The smallest budget, in bytes, with which any job is begun.
+    pub(crate) fn least(&self) -> u64 {
+        BASE_BYTES + 2 * BYTES_PER_DECODER + (16 << 20)
+    }
+}
+
+/// The cost in bytes of a tile with `points` and `seeds`.
+pub(crate) fn tile_bytes(points: f64, seeds: f64) -> f64 {
+    // Each point and each filled position occupies at most one voxel.
+    let voxels = (seeds * VOXELS_PER_SEED).min(points + seeds * FILLED_POSITIONS_PER_SEED);
+    (BYTES_PER_POINT_READ + BYTES_PER_POINT_SOLVED) * points
+        + BYTES_PER_VOXEL * voxels
+        + BYTES_PER_SEED * seeds
+}
+
+/// The largest number of points of a tile that costs `bytes`.
+pub(crate) fn points_for(bytes: u64) -> u64 {
+    (bytes as f64 / (BYTES_PER_POINT_READ + BYTES_PER_POINT_SOLVED)) as u64
+}
+
+/// `bytes` in MiB, rounded up, for a message.
+pub(crate) fn mebibytes(bytes: u64) -> String {
+    format!("{} MiB", bytes.div_ceil(1 << 20))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tile_that_was_planned_fits_its_budget() {
+        for total in [256 << 20, 1 << 30] {
+            let budget = Budget { total, threads: 2 };
+            assert!(budget.tile() < LARGEST_TILE_BYTES);
+            let bytes = budget.tile() as f64;
+            assert!(budget.needed(bytes) <= total);
+            assert!(budget.needed(1.01 * bytes) > total);
+        }
+    }
+}
