@@ -41,6 +41,8 @@
     not(feature = "formats"),
     expect(
         dead_code,
+        unreachable_pub,
+        unused_imports,
         reason = "the job on files uses more of the solver than the library alone"
     )
 )]
