@@ -1,9 +1,5 @@
 //! One job by many processes: its stages as commands, and the way they are given to Slurm.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
-mod running;
-
 use std::{
     fs,
     io::Read,
@@ -13,7 +9,7 @@ use std::{
     time::Duration,
 };
 
-use running::{lloydar, start, street, succeed, text};
+use crate::running::{lloydar, start, street, succeed, text};
 
 const OPTIONS: [&str; 6] = ["--spacing", "0.4", "--tile-size", "15", "--iterations", "8"];
 

@@ -1,13 +1,9 @@
 //! What the documents say is what the program does.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
-mod running;
-
 use std::fs;
 
+use crate::running::street;
 use assert_cmd::Command;
-use running::street;
 
 /// The commands of the shell blocks of a document.
 fn commands(document: &str) -> Vec<String> {

@@ -1,13 +1,9 @@
 //! What goes in and comes out: octrees, tiles, polygon files, filters, units, configurations.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
-mod running;
-
 use std::{collections::HashMap, fs, path::Path};
 
+use crate::running::{lloydar, points, points_in_order, report, run, street, succeed, text};
 use las::{CopcReader, Reader, copc::VoxelKey};
-use running::{lloydar, points, points_in_order, report, run, street, succeed, text};
 
 /// Whole records of a cloud, sorted.
 fn records(path: &Path) -> Vec<Vec<u8>> {

@@ -1,13 +1,9 @@
 //! The program as a user meets it: real files in, real files out, exit codes and
 //! messages.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
-mod running;
-
 use std::{fs, path::Path};
 
-use running::{lloydar, points, report, run, street, succeed, text};
+use crate::running::{lloydar, points, report, run, street, succeed, text};
 
 #[test]
 fn tiles_threads_and_memory_do_not_show() {

@@ -1,7 +1,5 @@
 //! The solver on surfaces whose answer is known.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use lloydar::{
     geometry::{Lattice, Local, PatchKind, Rect, Stored},
     lloyd::{Acceleration, Domain, Options, Restriction, Scan, SeedRule, Site, Solution, solve},

@@ -1,14 +1,11 @@
 //! What becomes of a job when things go wrong: bad files, odd clouds, signals, other
 //! jobs' directories.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
     reason = "what was skipped, and how much was tried"
 )]
-
-mod running;
 
 use std::{
     fs,
@@ -17,8 +14,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+use crate::running::{lloydar, points, report, run, start, street, succeed, text};
 use las::{Builder, PointDataBuilder, Transform, Vector, Writer, point::Format};
-use running::{lloydar, points, report, run, start, street, succeed, text};
 
 fn stderr(done: &std::process::Output) -> String {
     String::from_utf8_lossy(&done.stderr).into_owned()

@@ -1,8 +1,5 @@
 //! The program as tests run it.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-#![allow(dead_code, reason = "not every test needs everything")]
-
 use std::{
     fs,
     path::{Path, PathBuf},
