@@ -1,9 +1,8 @@
 //! What the documents say is what the program does.
 
-use std::fs;
+use std::{fs, process::Command};
 
-use crate::running::street;
-use assert_cmd::Command;
+use crate::running::{PROGRAM, street};
 
 /// The commands of the shell blocks of a document.
 fn commands(document: &str) -> Vec<String> {
@@ -27,8 +26,7 @@ fn every_command_of_the_tour_works() {
     for command in tour {
         let mut words = command.split_whitespace();
         assert_eq!(words.next(), Some("lloydar"), "{command}");
-        let done = Command::cargo_bin("lloydar")
-            .unwrap()
+        let done = Command::new(PROGRAM)
             .current_dir(dir.path())
             .args(words)
             .output()
