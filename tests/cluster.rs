@@ -1,9 +1,5 @@
 //! One job by many processes: its stages as commands, and the way they are given to Slurm.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
-mod running;
-
 use std::{
     fs,
     io::Read,
@@ -13,13 +9,9 @@ use std::{
     time::Duration,
 };
 
-use running::{lloydar, start, street, succeed, text};
+use crate::running::{PROGRAM, lloydar, start, street, succeed, text};
 
 const OPTIONS: [&str; 6] = ["--spacing", "0.4", "--tile-size", "15", "--iterations", "8"];
-
-fn program() -> PathBuf {
-    assert_cmd::cargo::cargo_bin("lloydar")
-}
 
 fn said(done: &Output) -> String {
     String::from_utf8_lossy(&done.stderr).into_owned() + &String::from_utf8_lossy(&done.stdout)
@@ -318,7 +310,7 @@ fn what_is_submitted_does_the_job_whatever_the_names() {
             dir.path().display(),
             std::env::var("PATH").unwrap()
         );
-        Command::new(program())
+        Command::new(PROGRAM)
             .args(&arguments)
             .args(more)
             .env("PATH", path)
@@ -355,7 +347,7 @@ fn what_is_submitted_does_the_job_whatever_the_names() {
     let job = dir.path().join("again.laz.job");
     let recipe = "seq 0 2 | xargs -P 3 -I{} \"$0\" solve \"$1\" --shard {}/3 --quiet && \"$0\" stitch \"$1\" --quiet";
     let done = Command::new("sh")
-        .args(["-c", recipe, text(&program()), text(&job)])
+        .args(["-c", recipe, PROGRAM, text(&job)])
         .env("SOURCE_DATE_EPOCH", "1700000000")
         .output()
         .unwrap();

@@ -1,13 +1,8 @@
 //! What the documents say is what the program does.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+use std::{fs, process::Command};
 
-mod running;
-
-use std::fs;
-
-use assert_cmd::Command;
-use running::street;
+use crate::running::{PROGRAM, street};
 
 /// The commands of the shell blocks of a document.
 fn commands(document: &str) -> Vec<String> {
@@ -31,8 +26,7 @@ fn every_command_of_the_tour_works() {
     for command in tour {
         let mut words = command.split_whitespace();
         assert_eq!(words.next(), Some("lloydar"), "{command}");
-        let done = Command::cargo_bin("lloydar")
-            .unwrap()
+        let done = Command::new(PROGRAM)
             .current_dir(dir.path())
             .args(words)
             .output()

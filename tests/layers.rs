@@ -7,13 +7,26 @@ use crate::sources::{Module, Sources};
 /// The modules, the lowest first: each may use those before it.
 const LAYERS: [&str; 17] = [
     // numbers
-    "geometry", "quality", "lloyd", "tiling", "spacing", "resample", "simulate", "picture",
+    "geometry",
+    "quality",
+    "lloyd",
+    "tiling",
+    "spacing",
+    "resample",
+    "simulate",
+    "picture",
     // files
-    "tile", "las",
+    "tile",
+    "las",
     // application
-    "config", "views", "job", "report", "cli",
+    "config",
+    "views",
+    "job",
+    "report",
+    "cli",
     // not modules of their own: the root, and what benches and tests use
-    "internals", "",
+    "internals",
+    "",
 ];
 
 /// Public items of the library: functions, types, traits and constants.
@@ -85,24 +98,38 @@ fn the_public_items_are_few() {
     let is_item = |line: &&str| {
         let item = line.trim_start().strip_prefix("pub ");
         item.is_some_and(|item| {
-            let kinds = ["fn ", "const ", "struct ", "enum ", "trait ", "type ", "static "];
+            let kinds = [
+                "fn ", "const ", "struct ", "enum ", "trait ", "type ", "static ",
+            ];
             kinds.iter().any(|kind| item.starts_with(kind))
         })
     };
     let by_file: BTreeMap<&str, usize> = sources
         .0
         .values()
-        .map(|source| (source.path.as_str(), source.code.lines().filter(is_item).count()))
+        .map(|source| {
+            (
+                source.path.as_str(),
+                source.code.lines().filter(is_item).count(),
+            )
+        })
         .collect();
     let items: usize = by_file.values().sum();
-    assert!((30..=MAX_PUBLIC_ITEMS).contains(&items), "{items} public items: {by_file:#?}");
+    assert!(
+        (30..=MAX_PUBLIC_ITEMS).contains(&items),
+        "{items} public items: {by_file:#?}"
+    );
 }
 
 #[test]
 fn files_are_short() {
     for source in Sources::read().0.values() {
         let lines = source.text.lines().count();
-        assert!(lines <= MAX_LINES_OF_A_FILE, "{}: {lines} lines", source.path);
+        assert!(
+            lines <= MAX_LINES_OF_A_FILE,
+            "{}: {lines} lines",
+            source.path
+        );
     }
 }
 
@@ -114,7 +141,10 @@ fn functions_are_short() {
         let lines: Vec<&str> = source.text.lines().collect();
         for (start, line) in lines.iter().enumerate() {
             let code = line.trim_start();
-            let words: Vec<&str> = code.split(' ').take_while(|word| !word.contains('(')).collect();
+            let words: Vec<&str> = code
+                .split(' ')
+                .take_while(|word| !word.contains('('))
+                .collect();
             let is_function = !code.starts_with("//")
                 && (words.contains(&"fn") || code.starts_with("fn "))
                 && !line.trim_end().ends_with(';');
@@ -122,7 +152,9 @@ fn functions_are_short() {
                 continue;
             }
             let indent = &line[..line.len() - code.len()];
-            let end = lines[start..].iter().position(|line| *line == format!("{indent}}}"));
+            let end = lines[start..]
+                .iter()
+                .position(|line| *line == format!("{indent}}}"));
             let length = end.map_or(1, |end| end + 1);
             assert!(
                 length <= MAX_LINES_OF_A_FUNCTION,
@@ -140,7 +172,15 @@ fn functions_are_short() {
 #[test]
 fn retired_words_are_gone() {
     const RETIRED: [&str; 9] = [
-        "lot", "odds", "glimpse", "glimpses", "portrait", "excerpt", "crowd", "fewest_lines", "most_bend",
+        "lot",
+        "odds",
+        "glimpse",
+        "glimpses",
+        "portrait",
+        "excerpt",
+        "crowd",
+        "fewest_lines",
+        "most_bend",
     ];
     for source in Sources::read().0.values() {
         for (number, line) in source.text.lines().enumerate() {
@@ -154,13 +194,23 @@ fn retired_words_are_gone() {
 #[test]
 fn comments_of_items_stand_by_themselves() {
     const LEANING: [&str; 9] = [
-        "The same", "Those of", "And ", "…", "As [`", "Of those", "Such a", "Likewise", "The others",
+        "The same",
+        "Those of",
+        "And ",
+        "…",
+        "As [`",
+        "Of those",
+        "Such a",
+        "Likewise",
+        "The others",
     ];
     for source in Sources::read().0.values() {
         let mut before = "";
         for (number, line) in source.text.lines().enumerate() {
             let line = line.trim_start();
-            let comment = line.strip_prefix("/// ").or_else(|| line.strip_prefix("//! "));
+            let comment = line
+                .strip_prefix("/// ")
+                .or_else(|| line.strip_prefix("//! "));
             let is_first = !before.starts_with("///") && !before.starts_with("//!");
             if let Some(comment) = comment.filter(|_| is_first) {
                 let leans = LEANING.iter().find(|words| comment.starts_with(**words));

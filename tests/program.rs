@@ -1,13 +1,9 @@
 //! The program as a user meets it: real files in, real files out, exit codes and
 //! messages.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
-mod running;
-
 use std::{fs, path::Path};
 
-use running::{lloydar, points, report, run, street, succeed, text};
+use crate::running::{PROGRAM, lloydar, points, report, run, street, succeed, text};
 
 #[test]
 fn tiles_threads_and_memory_do_not_show() {
@@ -125,8 +121,7 @@ fn a_stopped_job_goes_on_and_ends_with_the_same_bytes() {
     succeed(&scans, &whole, &options);
     let mut killed = 0;
     for milliseconds in [300, 700, 1200, 2000] {
-        let program = assert_cmd::cargo::cargo_bin("lloydar");
-        let mut child = std::process::Command::new(program)
+        let mut child = std::process::Command::new(PROGRAM)
             .args(["run", text(&scans), "-o", text(&resumed), "--quiet"])
             .args(options)
             .env("SOURCE_DATE_EPOCH", "1700000000")

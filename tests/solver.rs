@@ -1,7 +1,5 @@
 //! The solver on surfaces whose answer is known.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-
 use lloydar::internals::{
     Acceleration, CellFigures, Local, PatchKind, Quantization, Rect, Restriction, Scan, SeedRule,
     Site, Solution, SolverOptions, Stored, TileRegion, Uniformity, UniformityTally, solve,

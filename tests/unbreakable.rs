@@ -1,14 +1,11 @@
 //! What becomes of a job when things go wrong: bad files, odd clouds, signals, other
 //! jobs' directories.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
     reason = "what was skipped, and how much was tried"
 )]
-
-mod running;
 
 use std::{
     fs,
@@ -17,8 +14,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+use crate::running::{PROGRAM, lloydar, points, report, run, start, street, succeed, text};
 use las::{Builder, PointDataBuilder, Transform, Vector, Writer, point::Format};
-use running::{lloydar, points, report, run, start, street, succeed, text};
 
 fn stderr(done: &std::process::Output) -> String {
     String::from_utf8_lossy(&done.stderr).into_owned()
@@ -147,7 +144,7 @@ fn names_that_are_no_text_are_names() {
     fs::create_dir(&odd).unwrap();
     fs::rename(scans.join("pass-1.laz"), odd.join("pass.laz")).unwrap();
     let output = odd.join("out.laz");
-    let done = Command::new(assert_cmd::cargo::cargo_bin("lloydar"))
+    let done = Command::new(PROGRAM)
         .arg("run")
         .arg(odd.join("pass.laz"))
         .arg("-o")
@@ -489,11 +486,10 @@ fn mutate(bytes: &mut Vec<u8>, chance: &mut Chance) -> String {
 /// Runs a job on `input` with little memory to be had and ten seconds: whether it was
 /// done, or refused by name; the error is what is wrong with the answer.
 fn answer(input: &Path, output: &Path) -> Result<bool, String> {
-    let program = assert_cmd::cargo::cargo_bin("lloydar");
     let options = "--count 500 --memory 256MiB --threads 2 --overwrite --quiet";
-    let (program, input, output) = (text(&program), text(input), text(output));
+    let (input, output) = (text(input), text(output));
     // Kibibytes of address space: threads reserve much and touch little.
-    let line = format!("ulimit -v 1500000; exec {program} run {input} -o {output} {options}");
+    let line = format!("ulimit -v 1500000; exec {PROGRAM} run {input} -o {output} {options}");
     let mut job = Command::new("sh")
         .args(["-c", &line])
         .stdout(Stdio::null())

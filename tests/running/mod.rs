@@ -1,30 +1,46 @@
 //! The program as tests run it.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-#![allow(dead_code, reason = "not every test needs everything")]
-
 use std::{
     fs,
     path::{Path, PathBuf},
-    process::{self, Child, Output, Stdio},
+    process::{Child, Command, Output, Stdio},
+    sync::mpsc,
+    thread,
+    time::Duration,
 };
 
-use assert_cmd::Command;
 use las::Reader;
 
+pub(crate) const PROGRAM: &str = env!("CARGO_BIN_EXE_lloydar");
+
+/// How long a job of a test may take; one that hangs is killed, and has failed.
+const PATIENCE: Duration = Duration::from_secs(300);
+
 pub(crate) fn lloydar(arguments: &[&str]) -> Output {
-    Command::cargo_bin("lloydar")
-        .unwrap()
+    let job = Command::new(PROGRAM)
         .args(arguments)
         .env("SOURCE_DATE_EPOCH", "1700000000")
-        .timeout(std::time::Duration::from_secs(300))
-        .output()
-        .unwrap()
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let id = job.id().to_string();
+    let (ended, end) = mpsc::channel::<()>();
+    let watch = thread::spawn(move || {
+        if end.recv_timeout(PATIENCE) == Err(mpsc::RecvTimeoutError::Timeout) {
+            drop(Command::new("kill").args(["-KILL", &id]).status());
+        }
+    });
+    let output = job.wait_with_output().unwrap();
+    drop(ended);
+    watch.join().unwrap();
+    output
 }
 
 /// Starts the program and goes on.
 pub(crate) fn start(arguments: &[&str]) -> Child {
-    process::Command::new(assert_cmd::cargo::cargo_bin("lloydar"))
+    Command::new(PROGRAM)
         .args(arguments)
         .env("SOURCE_DATE_EPOCH", "1700000000")
         .stdout(Stdio::null())

@@ -1,0 +1,15 @@
+//! Tests of the program and of the library from outside, one executable of them all: each
+//! executable is linked with the whole library again, and waits for those before it.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+mod cluster;
+mod docs;
+mod formats;
+mod layers;
+mod program;
+mod resample;
+mod running;
+mod solver;
+mod sources;
+mod unbreakable;
