@@ -1,6 +1,6 @@
 //! A spill as a cloud that is counted by squares and gathered by rectangles.
 
-use super::{Spill, TileError};
+use super::{error::TileError, spill::Spill};
 use crate::{
     geometry::{Quantization, Rect, Stored},
     lloyd::{Scan, SolverOptions},

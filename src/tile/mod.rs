@@ -1,115 +1,44 @@
-//! Larger than memory: the spill, the tiles, and what joins them.
+//! Everything that is larger than memory and lies in temporary files: the spill of the points,
+//! the solved tiles, and what joins them.
 //!
 //! ```text
-//!   scatter   every point once, to the spill of its cell
-//!   plan      true counts known: tiles that fit the budget
-//!   gather    a tile's points, halo included, from the spill
-//!   solved    what a tile leaves behind: the checkpoint
-//!   stitch    tiles into one cloud, by identity
+//!   scatter      each point is appended once to the spill, in the chunk of its cell
+//!   gather       the points of a tile, halo included, are read back from the spill
+//!   solved tile  what solving a tile leaves behind: its checkpoint
+//!   stitch       the tiles are joined to one cloud, by the identity of their sites
 //! ```
 //!
-//! The only place with temporary files. Records are opaque here but for their
-//! first twelve bytes: x, y, z as stored, little endian.
+//! Records are opaque in this module except for their first twelve bytes: x, y and z as stored,
+//! little endian. Files that are written at once are complete or absent ([`checksummed_file`]);
+//! files that grow keep what was complete before a crash ([`block_file`], [`spill_index`]).
 
+mod batch;
+mod block_file;
+mod checksummed_file;
 mod counted;
+mod error;
 mod gather;
-mod growing;
-mod pack;
 mod scatter;
-mod settled;
-mod solved;
+mod settled_tiles;
+mod solved_tile;
+mod source;
 mod spill;
-mod spilling;
+mod spill_appender;
+mod spill_index;
+mod spill_writer;
 mod stitch;
-mod whole;
+#[cfg(test)]
+mod tests;
 
 pub(crate) use crate::tiling::{CellGrid, CellKey, Plan, PlanOptions, Square, Tile};
-pub(crate) use pack::BlockFile;
-pub use scatter::{Opener, ScatterOptions, Source, SourceError, scatter};
-pub(crate) use settled::SettledTiles;
-pub use solved::SolvedSite;
-pub(crate) use solved::SolvedTile;
+pub(crate) use block_file::BlockFile;
+pub(crate) use checksummed_file::{read_checksummed, write_checksummed};
+pub use error::TileError;
+pub use scatter::{ScatterOptions, scatter};
+pub(crate) use settled_tiles::SettledTiles;
+pub use solved_tile::SolvedSite;
+pub(crate) use solved_tile::SolvedTile;
+pub use source::{Opener, PointCounts, Source, SourceError};
 pub use spill::Spill;
-pub(crate) use spilling::SpillWriter;
+pub(crate) use spill_writer::SpillWriter;
 pub use stitch::{NeighborSites, SeamTally, blend};
-pub(crate) use whole::{read_checksummed, write_checksummed};
-
-use std::{io, path::Path};
-
-/// Points of a source, as far as it was read.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PointCounts {
-    /// Points read.
-    pub read: u64,
-    /// Of those, points out of the range of the run's quantization, left out.
-    pub rejected: u64,
-    /// Of those, points that were not asked for, left out.
-    pub filtered: u64,
-    /// Of those, points outside of the bounds that the header claims: some
-    /// damage passes the decoder unseen, and shows here.
-    pub outside: u64,
-}
-
-impl PointCounts {
-    /// Adds those of another part.
-    pub(crate) fn add(&mut self, other: &Self) {
-        self.read += other.read;
-        self.rejected += other.rejected;
-        self.filtered += other.filtered;
-        self.outside += other.outside;
-    }
-}
-
-/// What goes wrong with temporary files.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum TileError {
-    /// A file could not be read or written.
-    #[error("cannot {action} {path}: {source}{}", remedy(source))]
-    Io {
-        /// What was tried.
-        action: &'static str,
-        /// The file.
-        path: String,
-        /// Why it failed.
-        source: io::Error,
-    },
-    /// A temporary file is not what was written.
-    #[error("{path} is damaged or of another version; give --restart to begin anew")]
-    Damaged {
-        /// The file.
-        path: String,
-    },
-    /// Sources of points failed: which, and why.
-    #[error("{}", .0.iter().map(|(_, why)| why.to_string()).collect::<Vec<_>>().join("\n"))]
-    Sources(Vec<(usize, SourceError)>),
-    /// The user asked to stop.
-    #[error("stopped; the same command goes on from here")]
-    Cancelled,
-}
-
-fn remedy(source: &io::Error) -> &'static str {
-    match source.kind() {
-        io::ErrorKind::StorageFull => {
-            "; free some space, or put the job on another disk with --job"
-        }
-        io::ErrorKind::PermissionDenied => "; choose a place you may write to with --job",
-        _ => "",
-    }
-}
-
-impl TileError {
-    pub(crate) fn io(action: &'static str, path: &Path, source: io::Error) -> Self {
-        Self::Io {
-            action,
-            path: path.display().to_string(),
-            source,
-        }
-    }
-
-    fn damaged(path: &Path) -> Self {
-        Self::Damaged {
-            path: path.display().to_string(),
-        }
-    }
-}

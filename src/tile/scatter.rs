@@ -6,93 +6,71 @@
 //!   source ─► decoder ┘   (back-pressure)    └ … a fixed number ┘   (appended)
 //! ```
 //!
-//! Decoders take the sources in their order, one each, and sort a batch by cell
-//! before they hand it on. One writer ([`Growing`]) owns the buffers; when none is
-//! free, the fullest is flushed, so that memory and open files stay the same however
-//! many cells there are. The order of points within a cell depends on the threads;
-//! whatever reads the spill sorts.
+//! Decoders take the sources in their order, one at a time each, and sort a batch by cell before
+//! they send it. One [`SpillAppender`] owns the buffers; when none is free, the fullest is
+//! flushed, so that memory and open files stay the same however many cells there are. The order
+//! of points within a cell depends on the threads; whatever reads the spill sorts.
 //!
-//! Now and then all buffers are flushed, and a checkpoint says how far every source
-//! has come: a scatter that was killed goes on from there.
+//! Now and then all buffers are flushed, and a checkpoint records how many points of every source
+//! have been taken: a scatter that was killed continues from there.
 
 use std::{
     path::Path,
     sync::{
-        Mutex,
+        Mutex, PoisonError,
         atomic::{AtomicBool, AtomicI64, Ordering},
     },
 };
 
-use crossbeam::channel;
+use crossbeam::channel::{self, Receiver, Sender};
 
-use super::{CellGrid, CellKey, PointCounts, TileError, growing::Growing};
-use crate::geometry::Stored;
+use super::{
+    batch::Batch,
+    error::TileError,
+    source::{Opener, SourceError},
+    spill_appender::{AppendOptions, SpillAppender},
+};
+use crate::tiling::CellGrid;
 
-/// Why a source failed: said by the source, passed on as it is.
-pub type SourceError = Box<dyn std::error::Error + Send + Sync>;
-
-/// Opens a source behind so many of its points, in the thread that reads it: five
-/// hundred inputs are not open at once.
-pub type Opener<'a> = Box<dyn FnOnce(u64) -> Result<Box<dyn Source + 'a>, SourceError> + Send + 'a>;
-
-/// A stream of records.
-pub trait Source {
-    /// Replaces `records` by the next ones and says how many points they are of, left
-    /// out ones included; none at the end.
-    ///
-    /// # Errors
-    ///
-    /// Whatever keeps the source from going on.
-    fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<PointCounts, SourceError>;
-}
-
-/// How a scatter is done.
+/// The settings of a scatter.
 #[derive(Clone, Copy, Debug)]
 pub struct ScatterOptions {
     /// Length of a record in bytes.
     pub record_length: usize,
-    /// Decoders at work.
+    /// The number of decoders that work at the same time.
     pub threads: usize,
     /// Memory for the buffers of the cells, in bytes.
     pub buffer_bytes: usize,
-    /// Bytes to be spilled between two checkpoints.
+    /// Bytes that are spilled between two checkpoints.
     pub checkpoint_bytes: u64,
-    /// Whether the other sources are still read when one fails, so that all that fail
-    /// are known.
+    /// Whether the other sources are still read when one fails, so that all failures are
+    /// reported.
     pub keep_going: bool,
 }
 
-/// Batches between decoders and writer, for each decoder.
+/// The number of batches that wait between decoders and appender, for each decoder.
 const QUEUED_BATCHES: usize = 2;
 
-/// A batch, sorted by cell.
-pub(super) struct Batch {
-    source: usize,
-    counts: PointCounts,
-    pub(super) records: Vec<u8>,
-    /// The grid that it was sorted by …
-    pub(super) grid: CellGrid,
-    /// … and the records of each of its cells.
-    pub(super) cells: Vec<(CellKey, u32)>,
-}
-
-/// What a decoder has to say.
+/// What a decoder sends to the appender.
 enum Message {
+    /// Records of a source.
     Batch(Batch),
+    /// The source with this index has ended.
     Done(usize),
+    /// The source with this index has failed.
     Failed(usize, SourceError),
 }
 
-/// Scatters `sources` over the cells of `grid`, or a coarser one if those are too
-/// many, to the spill at `stem`; goes on from a checkpoint of the same sources.
+/// Scatters `sources` over the cells of `grid`, or of a coarser grid if there are too many cells,
+/// into the spill at `stem`; continues from a checkpoint of the same sources.
 ///
-/// `progress` hears of points as they are taken in. The index is written last,
-/// aside and renamed: its presence says that the spill is complete.
+/// `progress` receives the number of points as they are taken. The index is written last, under
+/// another name, and renamed: its presence means that the spill is complete.
 ///
 /// # Errors
 ///
-/// [`TileError::Sources`] if sources fail, [`TileError::Io`] if the spill cannot be
-/// written, [`TileError::Cancelled`] soon after `cancel` is set.
+/// [`TileError::Sources`] if sources fail, [`TileError::Io`] if the spill cannot be written,
+/// [`TileError::Cancelled`] soon after `cancel` is set.
 pub fn scatter(
     sources: Vec<Opener<'_>>,
     grid: CellGrid,
@@ -101,77 +79,40 @@ pub fn scatter(
     progress: &(dyn Fn(u64) + Sync),
     cancel: &AtomicBool,
 ) -> Result<(), TileError> {
-    let mut growing = Growing::open(stem, grid, &options, sources.len())?;
-    let before = growing.sources().to_vec();
+    let to_append = AppendOptions {
+        record_length: options.record_length,
+        buffer_bytes: options.buffer_bytes,
+        checkpoint_bytes: options.checkpoint_bytes,
+    };
+    let mut appender = SpillAppender::open(stem, grid, &to_append, sources.len())?;
+    let before = appender.sources().to_vec();
     progress(before.iter().map(|source| source.counts.read).sum());
-    let missing: Vec<(usize, u64, Opener<'_>)> = (0..)
+    let missing: Vec<MissingSource<'_>> = (0..)
         .zip(sources)
         .zip(&before)
         .filter(|(_, source)| !source.is_done)
-        .map(|((number, open), source)| (number, source.counts.read, open))
+        .map(|((index, open), source)| MissingSource {
+            index,
+            skip: source.counts.read,
+            open,
+        })
         .collect();
     let decoders = options.threads.clamp(1, missing.len().max(1));
-    let waiting = Mutex::new(missing.into_iter());
-    let edge = AtomicI64::new(growing.grid().edge());
-    let failed = AtomicBool::new(false);
-    let stop = || failed.load(Ordering::Relaxed) || cancel.load(Ordering::Relaxed);
-
+    let decoding = Decoding {
+        waiting: Mutex::new(missing.into_iter()),
+        edge: AtomicI64::new(appender.grid().edge()),
+        record_length: options.record_length,
+        has_failed: AtomicBool::new(false),
+        cancel,
+    };
     let (sender, receiver) = channel::bounded(QUEUED_BATCHES * decoders);
-    let mut failures = Vec::new();
-    std::thread::scope(|scope| {
+    let failures = std::thread::scope(|scope| {
         for _ in 0..decoders {
-            let sender = sender.clone();
-            let (waiting, edge, stop) = (&waiting, &edge, &stop);
-            scope.spawn(move || {
-                loop {
-                    // A decoder that panicked holds no lock: `next` does not.
-                    let next = waiting
-                        .lock()
-                        .unwrap_or_else(std::sync::PoisonError::into_inner)
-                        .next();
-                    let Some((number, skip, open)) = next else {
-                        return;
-                    };
-                    let grid = || CellGrid::new(edge.load(Ordering::Relaxed));
-                    let send = |batch| sender.send(Message::Batch(batch)).is_ok() && !stop();
-                    let last = match decode(number, skip, open, &grid, &options, &send) {
-                        Ok(true) => Message::Done(number),
-                        Ok(false) => return,
-                        Err(error) => Message::Failed(number, error),
-                    };
-                    if sender.send(last).is_err() {
-                        return;
-                    }
-                }
-            });
+            let (decoding, sender) = (&decoding, sender.clone());
+            scope.spawn(move || decoding.decode_sources(sender));
         }
         drop(sender);
-        for message in receiver {
-            let outcome = match message {
-                Message::Batch(batch) => {
-                    progress(batch.counts.read);
-                    growing.take(&batch, batch.source, &batch.counts)
-                }
-                Message::Done(source) => {
-                    growing.end(source);
-                    Ok(())
-                }
-                Message::Failed(source, error) => {
-                    failures.push((source, error));
-                    match options.keep_going {
-                        true => Ok(()),
-                        false => Err(TileError::Sources(std::mem::take(&mut failures))),
-                    }
-                }
-            };
-            if let Err(error) = outcome {
-                failed.store(true, Ordering::Relaxed);
-                // The rest of the channel is dropped with the receiver.
-                return Err(error);
-            }
-            edge.store(growing.grid().edge(), Ordering::Relaxed);
-        }
-        Ok(())
+        decoding.append_all(receiver, &mut appender, options.keep_going, progress)
     })?;
     if cancel.load(Ordering::Relaxed) {
         return Err(TileError::Cancelled);
@@ -179,65 +120,117 @@ pub fn scatter(
     if !failures.is_empty() {
         return Err(TileError::Sources(failures));
     }
-    growing.finish()
+    appender.finish()
 }
 
-/// Hands the rest of a source to `send`, as long as that wants more; whether the
-/// source came to its end.
-fn decode(
-    number: usize,
+/// A source that is not, or not completely, in the spill.
+struct MissingSource<'a> {
+    index: usize,
+    /// The number of its points that are in the spill already.
     skip: u64,
-    open: Opener<'_>,
-    grid: &dyn Fn() -> CellGrid,
-    options: &ScatterOptions,
-    send: &dyn Fn(Batch) -> bool,
-) -> Result<bool, SourceError> {
-    let mut source = open(skip)?;
-    let mut records = Vec::new();
-    loop {
-        let counts = source.next_batch(&mut records)?;
-        if counts.read == 0 {
-            return Ok(true);
-        }
-        let batch = sorted_by_cell(number, counts, &records, grid(), options.record_length);
-        if !send(batch) {
-            return Ok(false);
-        }
-    }
+    open: Opener<'a>,
 }
 
-pub(super) fn sorted_by_cell(
-    source: usize,
-    counts: PointCounts,
-    records: &[u8],
-    grid: CellGrid,
+/// What the decoders and the appender share.
+struct Decoding<'a, Waiting> {
+    /// The sources that no decoder has taken as yet.
+    waiting: Mutex<Waiting>,
+    /// The edge of the appender's grid (stored units). It grows as the grid becomes coarser; a
+    /// batch that was sorted by a finer grid is still right, but slower to append.
+    edge: AtomicI64,
     record_length: usize,
-) -> Batch {
-    // Scanners sweep: most neighbours in time are in one cell already.
-    let mut runs: Vec<(CellKey, usize, usize)> = Vec::new();
-    for (record, place) in records.chunks_exact(record_length).zip(0..) {
-        let cell = grid.cell(Stored::of_record(record));
-        match runs.last_mut() {
-            Some((last, _, end)) if *last == cell => *end = place + 1,
-            _ => runs.push((cell, place, place + 1)),
+    /// Whether the appender has given up.
+    has_failed: AtomicBool,
+    cancel: &'a AtomicBool,
+}
+
+impl<'a, Waiting: Iterator<Item = MissingSource<'a>>> Decoding<'_, Waiting> {
+    /// Decodes one source after the other, until none is left or nothing more is wanted.
+    fn decode_sources(&self, sender: Sender<Message>) {
+        loop {
+            // A decoder that panicked has left the list whole: `next` does not panic.
+            let next = self
+                .waiting
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .next();
+            let Some(MissingSource { index, skip, open }) = next else {
+                return;
+            };
+            let last = match self.decode(index, skip, open, &sender) {
+                Ok(true) => Message::Done(index),
+                Ok(false) => return,
+                Err(error) => Message::Failed(index, error),
+            };
+            if sender.send(last).is_err() {
+                return;
+            }
         }
     }
-    runs.sort_unstable();
-    let mut sorted = Vec::with_capacity(records.len());
-    let mut cells: Vec<(CellKey, u32)> = Vec::new();
-    for (cell, start, end) in runs {
-        sorted.extend_from_slice(&records[start * record_length..end * record_length]);
-        let points = (end - start) as u32;
-        match cells.last_mut() {
-            Some((last, count)) if *last == cell => *count += points,
-            _ => cells.push((cell, points)),
+
+    /// Sends the rest of a source in batches, and returns whether the source has ended; it has
+    /// not if nothing more is wanted.
+    fn decode(
+        &self,
+        index: usize,
+        skip: u64,
+        open: Opener<'_>,
+        sender: &Sender<Message>,
+    ) -> Result<bool, SourceError> {
+        let mut source = open(skip)?;
+        let mut records = Vec::new();
+        loop {
+            let counts = source.next_batch(&mut records)?;
+            if counts.read == 0 {
+                return Ok(true);
+            }
+            let grid = CellGrid::new(self.edge.load(Ordering::Relaxed));
+            let batch = Batch::sorted_by_cell(index, counts, &records, grid, self.record_length);
+            let is_sent = sender.send(Message::Batch(batch)).is_ok();
+            if !is_sent || self.is_stopped() {
+                return Ok(false);
+            }
         }
     }
-    Batch {
-        source,
-        counts,
-        records: sorted,
-        grid,
-        cells,
+
+    fn is_stopped(&self) -> bool {
+        self.has_failed.load(Ordering::Relaxed) || self.cancel.load(Ordering::Relaxed)
+    }
+
+    /// Appends what the decoders send, until all have ended; returns the sources that failed.
+    fn append_all(
+        &self,
+        receiver: Receiver<Message>,
+        appender: &mut SpillAppender,
+        keep_going: bool,
+        progress: &(dyn Fn(u64) + Sync),
+    ) -> Result<Vec<(usize, SourceError)>, TileError> {
+        let mut failures = Vec::new();
+        for message in receiver {
+            let outcome = match message {
+                Message::Batch(batch) => {
+                    progress(batch.counts.read);
+                    appender.append(&batch)
+                }
+                Message::Done(source) => {
+                    appender.end(source);
+                    Ok(())
+                }
+                Message::Failed(source, error) => {
+                    failures.push((source, error));
+                    match keep_going {
+                        true => Ok(()),
+                        false => Err(TileError::Sources(std::mem::take(&mut failures))),
+                    }
+                }
+            };
+            if let Err(error) = outcome {
+                self.has_failed.store(true, Ordering::Relaxed);
+                // The rest of the channel is dropped with the receiver.
+                return Err(error);
+            }
+            self.edge.store(appender.grid().edge(), Ordering::Relaxed);
+        }
+        Ok(failures)
     }
 }

@@ -1,10 +1,10 @@
-//! From tiles to one cloud: each seed once, and no seam.
+//! From tiles to one cloud: each site once, and no seam.
 //!
-//! Tiles are joined by the *identity* of their sites, not by distance. A site
-//! is at home in the tile whose core holds the point it was elected at, so
-//! exactly one tile delivers it. Where tiles overlap they have solved the same
-//! problem, and hold the same bits wherever both saw all that matters; what
-//! they disagree on besides is blended by a partition of unity:
+//! Tiles are joined by the *identity* of their sites, not by distance. The home of a site is the
+//! tile whose core contains the point at which the site was elected, so exactly one tile delivers
+//! it. Where tiles overlap they have solved the same problem, and have the same bits wherever both
+//! contain the whole dependency cone; elsewhere their positions are blended by a partition of
+//! unity:
 //!
 //! ```text
 //!   weight of a tile at a site
@@ -14,38 +14,40 @@
 //!      core  │  outside
 //! ```
 //!
-//! A larger disagreement (another basin of the energy) is not averaged: the
-//! owner's word stands, and it is counted.
+//! If the positions are farther apart, the tiles have converged to different basins of the
+//! energy. These are not averaged: the position of the home is taken, and the site is counted.
 
 use serde::{Deserialize, Serialize};
 
-use super::SolvedSite;
+use super::solved_tile::SolvedSite;
 use crate::{
     geometry::{Local, Rect},
     quality::{DistanceFigures, DistanceTally},
 };
 
-/// Disagreement, in spacings, beyond which two tiles found different basins.
-const ANOTHER_BASIN: f64 = 0.25;
+/// The distance between the positions of two tiles, in spacings, beyond which they have converged
+/// to different basins of the energy.
+const BASIN_DISTANCE_IN_SPACINGS: f64 = 0.25;
 
-/// How well tiles agreed. Lengths are CRS units.
+/// How well the tiles agree on the sites that several of them have solved. Lengths are CRS units.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SeamTally {
     spacing: f64,
-    /// Sites that several tiles delivered.
+    /// The number of sites that several tiles have solved.
     pub(crate) shared: u64,
-    /// Of those, sites on which all agreed to the bit.
+    /// The number of shared sites on which all tiles agree to the bit.
     pub(crate) identical: u64,
-    /// Of those, sites on which the owner's word stands.
+    /// The number of shared sites whose positions are in different basins, so that the position
+    /// of the home was taken.
     pub(crate) resolved_by_owner: u64,
-    /// Sites of a band that their home does not know.
+    /// The number of sites in the band of a tile that do not exist in their home.
     pub(crate) unmatched: u64,
-    /// Largest disagreement of every shared site.
+    /// The largest distance, for every shared site, from the home's position to another tile's.
     disagreements: DistanceTally,
 }
 
 impl SeamTally {
-    /// An empty tally, for an output at `spacing` (CRS units).
+    /// Makes an empty tally for an output at `spacing` (CRS units).
     pub fn new(spacing: f64) -> Self {
         Self {
             spacing,
@@ -57,25 +59,26 @@ impl SeamTally {
         }
     }
 
-    /// The disagreements of all shared sites.
+    /// The distances between the positions of all shared sites.
     pub(crate) fn disagreements(&self) -> DistanceFigures {
         self.disagreements.figures()
     }
 }
 
-/// One tile's say on the sites of another.
+/// The sites of one tile as a neighbouring tile has solved them.
 #[derive(Clone, Debug)]
 pub struct NeighborSites {
-    /// The core of the tile that speaks.
+    /// The core of the neighbouring tile.
     pub core: Rect,
-    /// Its sites that are at home in the other, by identity.
+    /// The sites in the band of the neighbouring tile whose home is the first tile, sorted by
+    /// identity.
     pub sites: Vec<SolvedSite>,
 }
 
-/// Where the sites of a tile end once its neighbours have been heard.
+/// Computes the final positions of the sites of a tile from its own and its neighbours' positions.
 ///
-/// `own` are the sites at home in `core`, sorted by identity; `band` (stored
-/// units) is how far around their cores tiles report.
+/// `own` are the sites whose home is the tile with this `core`, sorted by identity. `band` (stored
+/// units) is the width around their cores in which tiles deliver the sites of others.
 pub fn blend(
     core: &Rect,
     own: &[SolvedSite],
@@ -86,23 +89,23 @@ pub fn blend(
     let weight = |of: &Rect, site: &SolvedSite| {
         ((of.depth(site.identity) + band) as f64 / (2 * band).max(1) as f64).clamp(0.0, 1.0)
     };
-    // The sum of weights and of weighted differences to the owner's word: where
-    // all agree it is zero, and the owner's bits remain.
+    // The sums of the weights and of the weighted differences to the position of the home. Where
+    // all agree the second sum is zero, and the bits of the home remain.
     let mut blends: Vec<(f64, Local)> = vec![(0.0, Local::zeros()); own.len()];
     let mut farthest: Vec<Option<f64>> = vec![None; own.len()];
     for neighbor in neighbors {
         for site in &neighbor.sites {
-            let Ok(place) = own.binary_search_by_key(&site.identity, |s| s.identity) else {
+            let Ok(index) = own.binary_search_by_key(&site.identity, |s| s.identity) else {
                 tally.unmatched += 1;
                 continue;
             };
-            let difference = site.position - own[place].position;
+            let difference = site.position - own[index].position;
             let distance = difference.norm();
             let share = weight(&neighbor.core, site);
-            blends[place].0 += share;
-            blends[place].1 += difference * share;
-            let seen = farthest[place].get_or_insert(0.0);
-            *seen = seen.max(distance);
+            blends[index].0 += share;
+            blends[index].1 += difference * share;
+            let largest = farthest[index].get_or_insert(0.0);
+            *largest = largest.max(distance);
         }
     }
     own.iter()
@@ -117,11 +120,11 @@ pub fn blend(
             if farthest == 0.0 {
                 tally.identical += 1;
                 site.position
-            } else if farthest > ANOTHER_BASIN * tally.spacing {
+            } else if farthest > BASIN_DISTANCE_IN_SPACINGS * tally.spacing {
                 tally.resolved_by_owner += 1;
                 site.position
             } else {
-                // At least ½ is the owner's, so there is no division by zero.
+                // The weight of the home is at least ½, so the divisor is not zero.
                 site.position + differences / (weight(core, site) + weights)
             }
         })
@@ -148,16 +151,16 @@ mod tests {
         }
     }
 
-    /// Two tiles that disagree by a constant meet in the middle: the shift
-    /// falls from 0 to all of it over the band, without a step at the border.
+    /// Two tiles disagree by a constant. The shift of the blend rises from 0 to the whole constant
+    /// over the band, without a step at the border.
     #[test]
     fn a_constant_disagreement_is_blended_without_a_step() {
         let (west, east) = (rect(0, 100), rect(100, 200));
-        let at = |core: Rect, other: Rect, x: i32, own_shift: f64, guest_shift: f64| {
+        let at = |core: Rect, other: Rect, x: i32, own_shift: f64, neighbor_shift: f64| {
             let mut tally = SeamTally::new(10.0);
             let neighbor = NeighborSites {
                 core: other,
-                sites: vec![site(x, guest_shift)],
+                sites: vec![site(x, neighbor_shift)],
             };
             blend(&core, &[site(x, own_shift)], &[neighbor], 20, &mut tally)[0].x - f64::from(x)
         };
@@ -177,17 +180,17 @@ mod tests {
     }
 
     #[test]
-    fn agreement_keeps_the_owners_bits_and_another_basin_its_word() {
+    fn agreement_and_another_basin_leave_the_position_of_the_home() {
         let mut tally = SeamTally::new(1.0);
         let own = [site(95, 0.1), site(97, 0.1), site(99, 0.1)];
         let neighbor = NeighborSites {
             core: rect(100, 200),
             sites: vec![site(95, 0.1), site(97, 0.5), site(98, 0.0)],
         };
-        let places = blend(&rect(0, 100), &own, &[neighbor], 20, &mut tally);
-        assert_eq!(places[0], own[0].position);
-        assert_eq!(places[1], own[1].position);
-        assert_eq!(places[2], own[2].position);
+        let positions = blend(&rect(0, 100), &own, &[neighbor], 20, &mut tally);
+        assert_eq!(positions[0], own[0].position);
+        assert_eq!(positions[1], own[1].position);
+        assert_eq!(positions[2], own[2].position);
         assert_eq!(
             (
                 tally.shared,

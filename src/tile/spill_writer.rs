@@ -1,26 +1,26 @@
-//! A spill that one hand fills, in one go.
+//! A spill that one thread fills without interruption.
 
 use std::path::{Path, PathBuf};
 
 use super::{
-    CellGrid, PointCounts, ScatterOptions, Spill, TileError, growing::Growing,
-    scatter::sorted_by_cell,
+    batch::Batch,
+    error::TileError,
+    source::PointCounts,
+    spill::Spill,
+    spill_appender::{AppendOptions, SpillAppender},
 };
+use crate::tiling::CellGrid;
 
-/// Takes records in any order, to be gathered by place.
-#[allow(
-    missing_debug_implementations,
-    reason = "buffers of other people's points"
-)]
+/// Takes records in any order, so that they can be gathered by rectangles.
 pub(crate) struct SpillWriter {
     stem: PathBuf,
-    growing: Growing,
+    appender: SpillAppender,
     record_length: usize,
 }
 
 impl SpillWriter {
-    /// A new spill at `stem`, of records of `record_length` bytes, that holds at the
-    /// most `buffer_bytes` of them in memory.
+    /// Makes a new spill at `stem`, of records of `record_length` bytes, whose buffers take at
+    /// most `buffer_bytes`.
     ///
     /// # Errors
     ///
@@ -31,16 +31,15 @@ impl SpillWriter {
         record_length: usize,
         buffer_bytes: usize,
     ) -> Result<Self, TileError> {
-        let options = ScatterOptions {
+        let options = AppendOptions {
             record_length,
-            threads: 1,
             buffer_bytes,
+            // A spill that is filled without interruption is not resumed.
             checkpoint_bytes: u64::MAX,
-            keep_going: false,
         };
         Ok(Self {
             stem: stem.to_owned(),
-            growing: Growing::open(stem, grid, &options, 1)?,
+            appender: SpillAppender::open(stem, grid, &options, 1)?,
             record_length,
         })
     }
@@ -55,9 +54,9 @@ impl SpillWriter {
             read: (records.len() / self.record_length) as u64,
             ..PointCounts::default()
         };
-        let grid = self.growing.grid();
-        let batch = sorted_by_cell(0, counts, records, grid, self.record_length);
-        self.growing.take(&batch, 0, &counts)
+        let grid = self.appender.grid();
+        let batch = Batch::sorted_by_cell(0, counts, records, grid, self.record_length);
+        self.appender.append(&batch)
     }
 
     /// Completes the spill.
@@ -66,7 +65,7 @@ impl SpillWriter {
     ///
     /// [`TileError::Io`] if it cannot be written.
     pub(crate) fn finish(self) -> Result<Spill, TileError> {
-        self.growing.finish()?;
+        self.appender.finish()?;
         Spill::open(&self.stem)
     }
 }

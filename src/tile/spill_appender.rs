@@ -8,33 +8,51 @@ use std::{
 };
 
 use super::{
-    CellGrid, CellKey, PointCounts, ScatterOptions, TileError,
-    scatter::Batch,
-    spill::{Chunk, Index, SourceProgress, checkpoint_path, index_path, spill_path},
+    batch::Batch,
+    error::TileError,
+    spill_index::{Chunk, SourceProgress, SpillIndex, checkpoint_path, index_path, spill_path},
 };
-use crate::geometry::Stored;
+use crate::{
+    geometry::Stored,
+    tiling::{CellGrid, CellKey},
+};
 
-/// Bytes of one cell's buffer.
+/// Bytes of the buffer of one cell.
 const BUFFER_BYTES: usize = 64 << 10;
+/// The number of buffers, however little memory there is.
+const MIN_BUFFERS: usize = 16;
 
-/// The one owner of the buffers and of the file.
-pub(super) struct Growing {
-    /// Its files, without their endings.
+/// The settings of a spill that grows.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct AppendOptions {
+    /// Length of a record in bytes.
+    pub(super) record_length: usize,
+    /// Memory for the buffers of the cells, in bytes.
+    pub(super) buffer_bytes: usize,
+    /// Bytes that are appended between two checkpoints.
+    pub(super) checkpoint_bytes: u64,
+}
+
+/// Appends records to a spill. It is the only owner of the buffers and of the file.
+pub(super) struct SpillAppender {
+    /// The path of the spill's files, without their extensions.
     stem: PathBuf,
+    /// The path of the records.
     path: PathBuf,
     file: File,
-    /// What is in the file already, and the counts of what waits, too.
-    index: Index,
-    options: ScatterOptions,
-    /// Records waiting, for each cell that has a buffer.
+    /// The chunks that are in the file, and the counts and bounds of all records, including
+    /// those in the buffers.
+    index: SpillIndex,
+    options: AppendOptions,
+    /// The records that are not in the file as yet, for each cell that has a buffer.
     buffers: HashMap<CellKey, Vec<u8>>,
-    most_buffers: usize,
-    /// Bytes taken since the last checkpoint.
+    max_buffers: usize,
+    /// Bytes appended since the last checkpoint.
     since_checkpoint: u64,
 }
 
-impl Growing {
-    /// The spill at `stem` as the last checkpoint left it, or a new one.
+impl SpillAppender {
+    /// Opens the spill at `stem` as the last checkpoint left it, or makes a new one.
     ///
     /// # Errors
     ///
@@ -42,13 +60,13 @@ impl Growing {
     pub(super) fn open(
         stem: &Path,
         grid: CellGrid,
-        options: &ScatterOptions,
+        options: &AppendOptions,
         sources: usize,
     ) -> Result<Self, TileError> {
         let path = spill_path(stem);
         let index = checkpoint(stem, options, sources)
-            .unwrap_or_else(|| Index::empty(grid, options.record_length, sources));
-        // What was written after the checkpoint is written again.
+            .unwrap_or_else(|| SpillIndex::empty(grid, options.record_length, sources));
+        // What follows the checkpoint is cut off: those records are scattered again.
         let open = || -> io::Result<File> {
             let mut file = File::options()
                 .create(true)
@@ -66,40 +84,35 @@ impl Growing {
             index,
             options: *options,
             buffers: HashMap::new(),
-            most_buffers: (options.buffer_bytes / BUFFER_BYTES).max(16),
+            max_buffers: (options.buffer_bytes / BUFFER_BYTES).max(MIN_BUFFERS),
             since_checkpoint: 0,
             path,
         })
     }
 
-    /// The grid, as coarse as it has become.
+    /// The grid of the spill, as coarse as it has become.
     pub(super) fn grid(&self) -> CellGrid {
         self.index.grid
     }
 
-    /// How far every source has come.
+    /// How far every source has been taken.
     pub(super) fn sources(&self) -> &[SourceProgress] {
         &self.index.sources
     }
 
-    /// Says that `source` has no more points.
+    /// Records that the source with the index `source` has no more points.
     pub(super) fn end(&mut self, source: usize) {
         self.index.sources[source].is_done = true;
     }
 
-    /// Takes a batch of `source`, which stands for so many of its points.
-    pub(super) fn take(
-        &mut self,
-        batch: &Batch,
-        source: usize,
-        points: &PointCounts,
-    ) -> Result<(), TileError> {
+    /// Appends the records of `batch`, and writes a checkpoint if it is due.
+    pub(super) fn append(&mut self, batch: &Batch) -> Result<(), TileError> {
         let length = self.options.record_length;
         let mut start = 0;
         for &(cell, count) in &batch.cells {
             let records = &batch.records[start..start + count as usize * length];
             start += records.len();
-            let cell = self.grid_cell(cell, batch.grid);
+            let cell = self.cell_in_this_grid(cell, batch.grid);
             let counts = self.index.counts.entry(cell);
             let counts = counts.or_insert_with(|| Box::new([0; _]));
             for record in records.chunks_exact(length) {
@@ -107,13 +120,13 @@ impl Growing {
                 counts[self.index.grid.square_in_cell(point)] += 1;
                 self.index.bounds.grow(point);
             }
-            self.append(cell, records)?;
-            while self.index.is_crowded() {
+            self.buffer(cell, records)?;
+            while self.index.has_too_many_cells() {
                 self.flush_all()?;
                 self.index.coarsen();
             }
         }
-        self.index.sources[source].counts.add(points);
+        self.index.sources[batch.source].counts.add(&batch.counts);
         self.since_checkpoint += batch.records.len() as u64;
         if self.since_checkpoint >= self.options.checkpoint_bytes {
             self.flush_all()?;
@@ -123,26 +136,28 @@ impl Growing {
         Ok(())
     }
 
-    /// The cell that a `cell` of a `finer` grid, or of this one, lies in.
-    fn grid_cell(&self, mut cell: CellKey, mut finer: CellGrid) -> CellKey {
-        while finer.edge() < self.index.grid.edge() {
+    /// Completes the spill.
+    pub(super) fn finish(mut self) -> Result<(), TileError> {
+        self.flush_all()?;
+        self.index.write(&index_path(&self.stem))?;
+        drop(fs::remove_file(checkpoint_path(&self.stem)));
+        Ok(())
+    }
+
+    /// Returns the cell of this spill's grid that contains `cell` of `grid`, which is the same
+    /// grid or a finer one.
+    fn cell_in_this_grid(&self, mut cell: CellKey, mut grid: CellGrid) -> CellKey {
+        while grid.edge() < self.index.grid.edge() {
             cell = cell.parent();
-            finer = finer.coarser();
+            grid = grid.coarser();
         }
         cell
     }
 
-    fn append(&mut self, cell: CellKey, records: &[u8]) -> Result<(), TileError> {
-        if !self.buffers.contains_key(&cell) && self.buffers.len() == self.most_buffers {
-            // The fullest, and of equally full ones the first cell.
-            let fullest = self
-                .buffers
-                .iter()
-                .max_by_key(|(key, held)| (held.len(), std::cmp::Reverse(**key)))
-                .map(|(&key, _)| key);
-            if let Some(fullest) = fullest {
-                self.flush(fullest)?;
-            }
+    /// Puts `records` into the buffer of `cell`, or into the file if they are too many.
+    fn buffer(&mut self, cell: CellKey, records: &[u8]) -> Result<(), TileError> {
+        if !self.buffers.contains_key(&cell) && self.buffers.len() == self.max_buffers {
+            self.flush_fullest()?;
         }
         let buffer = self
             .buffers
@@ -152,15 +167,26 @@ impl Growing {
             buffer.extend_from_slice(records);
             return Ok(());
         }
-        // Too much for the buffer: what waits goes out, then what came.
+        // Too much for the buffer: its content is written first, then the new records.
         self.flush(cell)?;
         if records.len() < BUFFER_BYTES / 2 {
-            self.append(cell, records)
+            self.buffer(cell, records)
         } else {
             self.write(cell, records)
         }
     }
 
+    /// Flushes the fullest buffer; of equally full buffers, that of the first cell.
+    fn flush_fullest(&mut self) -> Result<(), TileError> {
+        let fullest = self
+            .buffers
+            .iter()
+            .max_by_key(|(cell, records)| (records.len(), std::cmp::Reverse(**cell)))
+            .map(|(&cell, _)| cell);
+        fullest.map_or(Ok(()), |cell| self.flush(cell))
+    }
+
+    /// Writes the buffer of `cell` to the file.
     fn flush(&mut self, cell: CellKey) -> Result<(), TileError> {
         match self.buffers.remove(&cell) {
             Some(records) if !records.is_empty() => self.write(cell, &records),
@@ -168,6 +194,7 @@ impl Growing {
         }
     }
 
+    /// Writes `records` to the end of the file, as a chunk of `cell`.
     fn write(&mut self, cell: CellKey, records: &[u8]) -> Result<(), TileError> {
         self.file
             .write_all(records)
@@ -183,7 +210,7 @@ impl Growing {
         Ok(())
     }
 
-    /// Brings all that was taken to the disk.
+    /// Writes all buffers to the file, and waits until the disk has them.
     fn flush_all(&mut self) -> Result<(), TileError> {
         let mut waiting: Vec<CellKey> = self.buffers.keys().copied().collect();
         waiting.sort_unstable();
@@ -194,21 +221,13 @@ impl Growing {
             .sync_all()
             .map_err(|source| TileError::io("flush", &self.path, source))
     }
-
-    /// Completes the spill.
-    pub(super) fn finish(mut self) -> Result<(), TileError> {
-        self.flush_all()?;
-        self.index.write(&index_path(&self.stem))?;
-        drop(fs::remove_file(checkpoint_path(&self.stem)));
-        Ok(())
-    }
 }
 
-/// The last checkpoint at `stem`, if it is of such a scatter and what it speaks of is
-/// there.
-fn checkpoint(stem: &Path, options: &ScatterOptions, sources: usize) -> Option<Index> {
-    let index = Index::read(&checkpoint_path(stem)).ok()??;
-    let held = fs::metadata(spill_path(stem)).ok()?.len();
+/// Reads the last checkpoint at `stem`; `None` if there is none, if it belongs to another scatter,
+/// or if the file is shorter than the checkpoint says.
+fn checkpoint(stem: &Path, options: &AppendOptions, sources: usize) -> Option<SpillIndex> {
+    let index = SpillIndex::read(&checkpoint_path(stem)).ok()??;
+    let length = fs::metadata(spill_path(stem)).ok()?.len();
     let is_same = index.record_length == options.record_length && index.sources.len() == sources;
-    (is_same && held >= index.bytes).then_some(index)
+    (is_same && length >= index.bytes).then_some(index)
 }

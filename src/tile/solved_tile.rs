@@ -1,8 +1,9 @@
-//! What a solved tile leaves behind: its sites, and the records of its core.
+//! What solving a tile leaves behind: its sites, and the records of its core.
 //!
 //! ```text
 //!   magic, record length, core sites, band sites   4 × u64
-//!   core sites, then band sites                    40 bytes each
+//!   core sites, then band sites                    40 bytes each: identity 3 × i32,
+//!                                                  exact u32, position 3 × f64
 //!   records of the core's sites                    record length each
 //! ```
 
@@ -12,32 +13,35 @@ const MAGIC: u64 = u64::from_le_bytes(*b"lloydar2");
 const SITE_BYTES: usize = 40;
 const HEADER_BYTES: usize = 32;
 
-/// A site as its tile left it. Lengths are CRS units.
+/// A site after its tile was solved. Lengths are CRS units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolvedSite {
-    /// The point it was elected at; decides its home.
+    /// The input point at which the site was elected. The tile whose core contains it is the home
+    /// of the site.
     pub identity: Stored,
-    /// Where it ended.
+    /// The position after the last iteration (local coordinates).
     pub position: Local,
-    /// Whether the tile saw everything it depends on.
+    /// Whether the tile contains the whole dependency cone of the site, so that every tile that
+    /// does computes the same bits.
     pub is_exact: bool,
 }
 
 /// The result of solving one tile.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub(crate) struct SolvedTile {
-    /// Sites at home in the tile's core, by identity.
+    /// The sites whose home is this tile, sorted by identity.
     pub(crate) core: Vec<SolvedSite>,
-    /// Sites at home around it, as this tile sees them, by identity.
+    /// The sites in the band around the core, whose home is another tile, as this tile has solved
+    /// them; sorted by identity.
     pub(crate) band: Vec<SolvedSite>,
-    /// For every site of the core the record of the nearest input point.
+    /// The record of the input point nearest to each site of the core, in their order.
     pub(crate) records: Vec<u8>,
-    /// Length of a record in bytes.
+    /// The length of a record, in bytes.
     pub(crate) record_length: usize,
 }
 
 impl SolvedTile {
-    /// The tile as bytes.
+    /// Encodes the tile as the head of this file describes.
     pub(crate) fn to_bytes(&self) -> Vec<u8> {
         let sites = self.core.len() + self.band.len();
         let mut bytes = Vec::with_capacity(HEADER_BYTES + SITE_BYTES * sites + self.records.len());
@@ -56,10 +60,12 @@ impl SolvedTile {
         bytes
     }
 
-    /// The tile of which these are the bytes; `None` if they are of none.
+    /// Decodes a tile; `None` if `bytes` encode none.
     pub(crate) fn from_bytes(bytes: &[u8]) -> Option<Self> {
-        let word = |at: usize| -> Option<u64> {
-            Some(u64::from_le_bytes(bytes.get(at..at + 8)?.try_into().ok()?))
+        let word = |offset: usize| -> Option<u64> {
+            Some(u64::from_le_bytes(
+                bytes.get(offset..offset + 8)?.try_into().ok()?,
+            ))
         };
         if word(0)? != MAGIC {
             return None;
@@ -93,12 +99,16 @@ fn encode(site: &SolvedSite, bytes: &mut Vec<u8>) {
 }
 
 fn decode(bytes: &[u8]) -> SolvedSite {
-    let integer = |at: usize| {
-        i32::from_le_bytes(bytes[at..at + 4].try_into().expect("four bytes were taken"))
+    let integer = |offset: usize| {
+        i32::from_le_bytes(
+            bytes[offset..offset + 4]
+                .try_into()
+                .expect("four bytes were taken"),
+        )
     };
-    let real = |at: usize| {
+    let real = |offset: usize| {
         f64::from_le_bytes(
-            bytes[at..at + 8]
+            bytes[offset..offset + 8]
                 .try_into()
                 .expect("eight bytes were taken"),
         )
@@ -133,12 +143,12 @@ mod tests {
     }
 
     #[test]
-    fn a_tile_is_read_as_it_was_written() {
+    fn a_decoded_tile_equals_the_encoded_one() {
         assert_eq!(SolvedTile::from_bytes(&tile().to_bytes()), Some(tile()));
     }
 
     #[test]
-    fn a_cut_tile_is_no_tile() {
+    fn a_cut_tile_is_not_decoded() {
         let bytes = tile().to_bytes();
         for at in 0..bytes.len() {
             assert_eq!(SolvedTile::from_bytes(&bytes[..at]), None, "cut at {at}");

@@ -1,7 +1,11 @@
-//! Files that are complete or not there: what a job knows of itself.
+//! Files that are complete or absent, for what a job knows of itself.
 //!
-//! The content, then a checksum of it as 8 bytes. Written under another name, flushed
-//! to the disk, renamed.
+//! ```text
+//!   content
+//!   checksum of the content   u64, little endian
+//! ```
+//!
+//! A file is written under another name, flushed to the disk, and renamed.
 
 use std::{
     fs::{self, File},
@@ -11,11 +15,11 @@ use std::{
 
 use crate::geometry::spread;
 
-/// Writes `content` to `path`, complete or not at all.
+/// Writes `content` to the file at `path`, which is complete or unchanged.
 ///
 /// # Errors
 ///
-/// As the operating system says; what stood under the name still does then.
+/// The error of the operating system; an earlier file of this name is unchanged then.
 pub(crate) fn write_checksummed(path: &Path, content: &[u8]) -> io::Result<()> {
     let aside = path.with_extension("part");
     let mut file = File::create(&aside)?;
@@ -25,11 +29,11 @@ pub(crate) fn write_checksummed(path: &Path, content: &[u8]) -> io::Result<()> {
     fs::rename(&aside, path)
 }
 
-/// The content of the file at `path`; `None` if it is not what was written.
+/// Reads the content of the file at `path`; `None` if the checksum does not match.
 ///
 /// # Errors
 ///
-/// As the operating system says.
+/// The error of the operating system.
 pub(crate) fn read_checksummed(path: &Path) -> io::Result<Option<Vec<u8>>> {
     let mut bytes = fs::read(path)?;
     let Some(content) = checked(&bytes).map(<[u8]>::len) else {
@@ -39,13 +43,13 @@ pub(crate) fn read_checksummed(path: &Path) -> io::Result<Option<Vec<u8>>> {
     Ok(Some(bytes))
 }
 
-/// The content of a file of these `bytes`, if the checksum is its own.
+/// Returns the content of a file that consists of `bytes`, if the checksum matches.
 fn checked(bytes: &[u8]) -> Option<&[u8]> {
     let (content, sum) = bytes.split_last_chunk()?;
     (checksum(content).to_le_bytes() == *sum).then_some(content)
 }
 
-/// A checksum against half-written and bit-rotten files, not against malice.
+/// Computes a 64-bit checksum. It detects half-written files and flipped bits, not malice.
 pub(super) fn checksum(bytes: &[u8]) -> u64 {
     bytes.chunks(8).fold(bytes.len() as u64, |sum, chunk| {
         let mut word = [0; 8];
@@ -59,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn any_flipped_byte_and_any_cut_is_noticed() {
+    fn every_flipped_byte_and_every_cut_is_detected() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("file");
         let content: Vec<u8> = (0..203_u32).map(|i| (i * i) as u8).collect();

@@ -1,5 +1,4 @@
-//! Blocks of bytes in one file, each found by its key: thousands of tiles are no
-//! thousands of files.
+//! Blocks of bytes in one file, each found by its key, so that thousands of tiles need one file.
 //!
 //! ```text
 //!   magic, key, length, checksum of the content    4 × u64
@@ -7,8 +6,8 @@
 //!   … the next block
 //! ```
 //!
-//! Blocks are only ever appended; of two with one key the later stands. What a killed
-//! process left unfinished at the end is cut off when the file is opened again.
+//! Blocks are only appended; of two blocks with one key the later is valid. An incomplete block
+//! that a killed process has left at the end is cut off when the file is opened again.
 
 use std::{
     collections::HashMap,
@@ -17,7 +16,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::{TileError, whole::checksum};
+use super::{checksummed_file::checksum, error::TileError};
 
 const MAGIC: u64 = u64::from_le_bytes(*b"llblock1");
 const HEADER_BYTES: u64 = 32;
@@ -27,24 +26,29 @@ const HEADER_BYTES: u64 = 32;
 pub(crate) struct BlockFile {
     path: PathBuf,
     file: File,
+    /// The blocks by their keys.
     blocks: HashMap<u64, Block>,
+    /// The end of the last complete block, in bytes from the beginning of the file.
     end: u64,
 }
 
+/// The position of a block in its file.
 #[derive(Clone, Copy, Debug)]
 struct Block {
-    /// Where its content begins.
+    /// The offset of the content, in bytes.
     offset: u64,
+    /// The length of the content, in bytes.
     length: u64,
     checksum: u64,
 }
 
 impl BlockFile {
-    /// Opens the file at `path`, or makes it.
+    /// Opens the file at `path` to append blocks, or makes it; an incomplete block at the end is
+    /// cut off.
     ///
     /// # Errors
     ///
-    /// [`TileError::Io`] if that cannot be.
+    /// [`TileError::Io`] if it can be neither opened nor made.
     pub(crate) fn open(path: &Path) -> Result<Self, TileError> {
         let pack = || {
             let file = File::options()
@@ -53,34 +57,34 @@ impl BlockFile {
                 .read(true)
                 .write(true)
                 .open(path)?;
-            let pack = Self::found(path, file)?;
+            let pack = Self::scan(path, file)?;
             pack.file.set_len(pack.end)?;
             Ok(pack)
         };
         pack().map_err(|source| TileError::io("open", path, source))
     }
 
-    /// Opens the file at `path` to be read, which another process may be writing: what is
-    /// whole by now.
+    /// Opens the file at `path`, which another process may be writing, to read the blocks that are
+    /// complete by now.
     ///
     /// # Errors
     ///
     /// [`TileError::Io`] if it cannot be read.
     pub(crate) fn open_for_reading(path: &Path) -> Result<Self, TileError> {
-        let pack = File::open(path).and_then(|file| Self::found(path, file));
+        let pack = File::open(path).and_then(|file| Self::scan(path, file));
         pack.map_err(|source| TileError::io("open", path, source))
     }
 
-    /// The whole blocks in `file`.
-    fn found(path: &Path, mut file: File) -> io::Result<Self> {
+    /// Finds the complete blocks in `file`.
+    fn scan(path: &Path, mut file: File) -> io::Result<Self> {
         let length = file.metadata()?.len();
         let (mut blocks, mut end, mut last) = (HashMap::new(), 0, None);
         while let Some((key, block)) = block_at(&mut file, end, length)? {
             end = block.offset + block.length;
             last = Some((key, block, blocks.insert(key, block)));
         }
-        // Every block was on the disk before the next was begun: but for the last,
-        // which may have its length and not its content.
+        // Every block was on the disk before the next was begun. The last alone may have its
+        // length and not its content.
         if let Some((key, block, before)) = last
             && content(&mut file, block)?.is_none()
         {
@@ -98,32 +102,32 @@ impl BlockFile {
         })
     }
 
-    /// Makes the file at `path` anew.
+    /// Makes an empty file at `path`, in the place of an existing one.
     ///
     /// # Errors
     ///
-    /// [`TileError::Io`] if that cannot be.
+    /// [`TileError::Io`] if it cannot be made.
     pub(crate) fn create(path: &Path) -> Result<Self, TileError> {
         File::create(path).map_err(|source| TileError::io("create", path, source))?;
         Self::open(path)
     }
 
-    /// Whether there is a block with this key.
+    /// Whether the file contains a block with this key.
     pub(crate) fn contains(&self, key: u64) -> bool {
         self.blocks.contains_key(&key)
     }
 
-    /// Length of the file in bytes.
+    /// The length of the complete blocks, in bytes.
     #[cfg(test)]
     pub(crate) fn bytes(&self) -> u64 {
         self.end
     }
 
-    /// Appends blocks: their keys, and what they hold.
+    /// Appends blocks, given as keys and contents.
     ///
     /// # Errors
     ///
-    /// [`TileError::Io`] if they cannot be written; those before are as they were.
+    /// [`TileError::Io`] if they cannot be written; the blocks before them are unchanged.
     pub(crate) fn append(&mut self, blocks: &[(u64, &[u8])]) -> Result<(), TileError> {
         let file = &mut self.file;
         let mut end = self.end;
@@ -150,23 +154,23 @@ impl BlockFile {
         Ok(())
     }
 
-    /// Brings all that was appended to the disk.
+    /// Waits until the disk has all blocks.
     ///
     /// # Errors
     ///
-    /// [`TileError::Io`] if that cannot be.
+    /// [`TileError::Io`] if they cannot be written.
     pub(crate) fn flush(&self) -> Result<(), TileError> {
         self.file
             .sync_data()
             .map_err(|source| TileError::io("flush", &self.path, source))
     }
 
-    /// What the block with this key holds.
+    /// Reads the content of the block with this key.
     ///
     /// # Errors
     ///
-    /// [`TileError::Io`] if it cannot be read, [`TileError::Damaged`] if there is none
-    /// or it is not what was written.
+    /// [`TileError::Io`] if it cannot be read, [`TileError::Damaged`] if there is no such block
+    /// or its content is not what was written.
     pub(crate) fn read(&self, key: u64) -> Result<Vec<u8>, TileError> {
         let damaged = || TileError::damaged(&self.path);
         let block = *self.blocks.get(&key).ok_or_else(damaged)?;
@@ -178,8 +182,8 @@ impl BlockFile {
         }
     }
 
-    /// What stands where `block` does, by a reader of its own: the other one is where the next
-    /// block goes.
+    /// Reads the content of `block` without checking it. The file is opened again, because the
+    /// position of `self.file` belongs to the writer.
     fn content(&self, block: Block) -> io::Result<Vec<u8>> {
         let mut file = File::open(&self.path)?;
         let mut content = vec![0; block.length as usize];
@@ -189,36 +193,36 @@ impl BlockFile {
     }
 }
 
-/// The block whose header is at `at` in a file of `length` bytes; `None` if there is no
-/// whole one.
-fn block_at(file: &mut File, at: u64, length: u64) -> io::Result<Option<(u64, Block)>> {
-    let Some(left) = length.checked_sub(at + HEADER_BYTES) else {
+/// Reads the header at `offset` in a file of `length` bytes; `None` if no complete block begins
+/// there.
+fn block_at(file: &mut File, offset: u64, length: u64) -> io::Result<Option<(u64, Block)>> {
+    let Some(left) = length.checked_sub(offset + HEADER_BYTES) else {
         return Ok(None);
     };
     let mut header = [0; HEADER_BYTES as usize];
-    file.seek(SeekFrom::Start(at))?;
+    file.seek(SeekFrom::Start(offset))?;
     file.read_exact(&mut header)?;
     let mut words = header.chunks_exact(8).map(|word| {
         let mut bytes = [0; 8];
         bytes.copy_from_slice(word);
         u64::from_le_bytes(bytes)
     });
-    let [magic, key, held, checksum] = std::array::from_fn(|_| words.next().unwrap_or(0));
+    let [magic, key, content_length, checksum] = std::array::from_fn(|_| words.next().unwrap_or(0));
     let block = Block {
-        offset: at + HEADER_BYTES,
-        length: held,
+        offset: offset + HEADER_BYTES,
+        length: content_length,
         checksum,
     };
-    Ok((magic == MAGIC && held <= left).then_some((key, block)))
+    Ok((magic == MAGIC && content_length <= left).then_some((key, block)))
 }
 
-/// What `block` holds; `None` if that is not what was written.
+/// Reads the content of `block`; `None` if it is not what was written.
 fn content(file: &mut File, block: Block) -> io::Result<Option<Vec<u8>>> {
     let mut content = Vec::new();
     file.seek(SeekFrom::Start(block.offset))?;
     file.take(block.length).read_to_end(&mut content)?;
-    let is_whole = content.len() as u64 == block.length && checksum(&content) == block.checksum;
-    Ok(is_whole.then_some(content))
+    let is_complete = content.len() as u64 == block.length && checksum(&content) == block.checksum;
+    Ok(is_complete.then_some(content))
 }
 
 #[cfg(test)]
@@ -226,7 +230,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn blocks_are_found_again_and_the_later_stands() {
+    fn blocks_are_found_again_and_the_later_of_two_is_valid() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("pack");
         let mut pack = BlockFile::open(&path).unwrap();
@@ -245,26 +249,26 @@ mod tests {
     }
 
     #[test]
-    fn others_read_what_is_whole() {
+    fn other_processes_read_the_complete_blocks() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("pack");
         let mut own = BlockFile::open(&path).unwrap();
         own.append(&[(1, b"one"), (2, b"two")]).unwrap();
-        let whole = own.bytes();
+        let complete = own.bytes();
         own.append(&[(3, b"three")]).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         std::fs::write(&path, &bytes[..bytes.len() - 2]).unwrap();
         let other = BlockFile::open_for_reading(&path).unwrap();
         assert!(other.contains(2) && !other.contains(3));
-        assert_eq!(other.bytes(), whole);
-        // What is not whole may be so a moment later: it is not cut off.
+        assert_eq!(other.bytes(), complete);
+        // An incomplete block may be complete a moment later: it is not cut off.
         assert_eq!(std::fs::read(&path).unwrap().len(), bytes.len() - 2);
         assert_eq!(other.read(2).unwrap(), b"two");
     }
 
-    /// Wherever it is cut, and whatever is left of the last block.
+    /// The file is cut at every byte of the last block, and every byte of it is changed.
     #[test]
-    fn what_was_left_unfinished_is_written_again() {
+    fn an_incomplete_last_block_is_cut_off_and_written_again() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("pack");
         let mut pack = BlockFile::open(&path).unwrap();
@@ -276,7 +280,7 @@ mod tests {
             .map(|at| bytes[..at].to_vec())
             .collect();
         for at in before..bytes.len() {
-            // The key is in no checksum: a block under another one is no harm.
+            // The key is in no checksum: a block under another key does no harm.
             if !(before + 8..before + 16).contains(&at) {
                 let mut zeroed = bytes.clone();
                 zeroed[at] ^= 0x41;
@@ -291,7 +295,7 @@ mod tests {
             pack.append(&[(3, b"three")]).unwrap();
             assert_eq!(BlockFile::open(&path).unwrap().read(3).unwrap(), b"three");
         }
-        // Rot in the middle is told when it is read.
+        // A changed byte in the middle is reported when its block is read.
         let mut rotten = bytes;
         rotten[33] ^= 1;
         std::fs::write(&path, rotten).unwrap();
