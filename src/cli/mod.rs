@@ -405,7 +405,7 @@ fn run_and_report(job: &Job, look: Look) -> Result<u8, JobError> {
     stop_on_signals();
     let terminal = Terminal::new(look);
     let mut summary = String::new();
-    let outcome = job.run(&terminal, &CANCEL, |outcome| {
+    let outcome = job.run_and_report(&terminal, &CANCEL, |outcome| {
         let report = Report::new(outcome, &job.output.display().to_string(), settings(job));
         summary = report.summary();
         let pages = write_report(job, &report)?;

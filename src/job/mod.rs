@@ -1,40 +1,39 @@
-//! The job: stages, threads, budget, resume.
+//! The job: from scans to an even cloud, within threads and memory, continued after a stop.
 //!
 //! ```text
 //!   survey ─► scatter ─► spacing ─► plan ─► solve ─► stitch ─► write ─► report
+//!             spill      spacing    plan    tiles    tiles     octree
+//!             .bin       .json      .json   .solved  .settled  .bin
 //! ```
 //!
-//! Each stage leaves files in the job directory that the next one reads, and
-//! that a later run of the same job finds: what is done is not done again.
+//! Each stage leaves files in the job directory, named in the lower line, that the next stage reads.
+//! A later run of the same job finds them and does not repeat completed work.
+//!
+//! * [`description`] states inputs, output and settings; [`run`] has the order of the stages;
+//!   [`context`] contains what every stage works with.
+//! * [`stages`] has a file for each stage.
+//! * [`directory`] and [`resources`] manage disk, memory and time.
+//! * [`cluster`] lets several processes share a job; [`measure`] gives the figures of any cloud.
 
 mod cluster;
+mod context;
+mod description;
 mod directory;
 mod error;
 mod measure;
 mod outcome;
 mod progress;
 mod resources;
-mod running;
-
-mod spacing;
+mod run;
 mod stages;
 mod tile_figures;
 
-use stages::{
-    gathering, planning, provenance, queue, scattering, solving, survey, transfer, writing,
-};
-
 pub(crate) use cluster::{JobStatus, Worker};
+pub use description::Job;
 pub(crate) use directory::{default_directory, write_file};
-pub(crate) use error::{JobError, LeftOut};
+pub(crate) use error::JobError;
 pub(crate) use measure::{measure, measure_against_surface};
 pub(crate) use outcome::Outcome;
-pub(crate) use planning::JobPlan;
 pub use progress::{Progress, Quiet, Standing, Unit};
 pub(crate) use resources::{ResourceSample, StageCost};
-pub use running::Job;
-pub(crate) use scattering::InputCount;
-
-pub(crate) use tile_figures::TileFigures;
-
-pub(crate) use survey::Survey;
+pub(crate) use stages::{InputCount, plan::JobPlan};

@@ -1,39 +1,48 @@
-//! What a job did.
+//! The outcome of a job: everything that the report says.
 
-use super::{InputCount, JobPlan, ResourceSample, StageCost, TileFigures, writing::Stitched};
-use crate::views::{DetailView, UniformityMap, ViewerSample, WorstPlace};
+use super::{
+    resources::{ResourceSample, StageCost},
+    stages::{InputCount, plan::JobPlan, views::ResultViews, write::Stitched},
+    tile_figures::TileFigures,
+};
 
-/// What a job did.
+/// The outcome of a job.
 #[derive(Clone, Debug)]
 pub(crate) struct Outcome {
-    /// What was planned.
+    /// The plan.
     pub(crate) plan: JobPlan,
-    /// Points of each input.
+    /// Numbers of points of each input.
     pub(crate) inputs: Vec<InputCount>,
     /// Figures of each tile, in the order of the plan.
     pub(crate) tiles: Vec<TileFigures>,
-    /// What the stitch found.
+    /// Figures of the whole cloud, across seams.
     pub(crate) stitched: Stitched,
-    /// Nearest distances by tile, as written.
-    pub(crate) delta_by_tile: Vec<f64>,
-    /// Points written.
-    pub(crate) points: u64,
-    /// Bytes written.
-    pub(crate) bytes: u64,
-    /// One place before and after.
-    pub(crate) detail: DetailView,
-    /// A square to be walked around.
-    pub(crate) viewer_sample: ViewerSample,
-    /// What came out, as a picture in PNG.
-    pub(crate) overview: Vec<u8>,
-    /// Figures square by square.
-    pub(crate) uniformity_map: UniformityMap,
-    /// Where the output is least even.
-    pub(crate) worst: Vec<WorstPlace>,
-    /// What each stage took.
-    pub(crate) stages: Vec<StageCost>,
-    /// What was held over time.
-    pub(crate) held: Vec<ResourceSample>,
-    /// What is worth a line.
+    /// The cloud that was written.
+    pub(crate) written: WrittenCloud,
+    /// Pictures and samples of input and output.
+    pub(crate) views: ResultViews,
+    /// Time, memory and disk of the run.
+    pub(crate) costs: RunCosts,
+    /// Facts about inputs and points that are worth a line.
     pub(crate) notes: Vec<String>,
+}
+
+/// Size and tiles of a cloud that was written.
+#[derive(Clone, Debug)]
+pub(crate) struct WrittenCloud {
+    /// Number of points.
+    pub(crate) points: u64,
+    /// Length of the file in bytes.
+    pub(crate) bytes: u64,
+    /// δ of the points of each tile, in the order of the plan.
+    pub(crate) delta_by_tile: Vec<f64>,
+}
+
+/// Time, memory and disk of a run.
+#[derive(Clone, Debug)]
+pub(crate) struct RunCosts {
+    /// Time and memory of each stage.
+    pub(crate) stages: Vec<StageCost>,
+    /// Memory and temporary files over time.
+    pub(crate) samples: Vec<ResourceSample>,
 }

@@ -36,6 +36,11 @@ pub(crate) struct Ground {
 type Rings = Vec<Vec<Vec<(f64, f64)>>>;
 
 impl Ground {
+    /// West, south, east and north side of the bounding rectangle.
+    pub(crate) fn bounds(&self) -> [f64; 4] {
+        self.bounds
+    }
+
     /// Reads polygons from a file of well-known text or GeoJSON.
     ///
     /// # Errors

@@ -221,8 +221,8 @@ impl Report {
             settings,
             inputs: outcome.inputs.clone(),
             output: output.to_owned(),
-            points: outcome.points,
-            bytes: outcome.bytes,
+            points: outcome.written.points,
+            bytes: outcome.written.bytes,
             spacing,
             seeds: seeds.figures(),
             uniformity,
@@ -246,11 +246,12 @@ impl Report {
             histogram_input: input.histogram(BINS, SPANNED),
             histogram_seeds: seeds.histogram(BINS, SPANNED),
             histogram: stitched.all.histogram(BINS, SPANNED),
-            detail: outcome.detail.clone(),
-            excerpt: outcome.viewer_sample.clone(),
-            portrait: outcome.overview.clone(),
+            detail: outcome.views.detail.clone(),
+            excerpt: outcome.views.viewer_sample.clone(),
+            portrait: outcome.views.overview.clone(),
             area: area(outcome),
             worst: outcome
+                .views
                 .worst
                 .iter()
                 .map(|worst| WorstRow {
@@ -262,7 +263,7 @@ impl Report {
             tiles: outcome
                 .tiles
                 .iter()
-                .zip(&outcome.delta_by_tile)
+                .zip(&outcome.written.delta_by_tile)
                 .map(|(figures, &delta)| TileRow {
                     id: figures.tile.id,
                     min: corner(figures.tile.core.min),
@@ -274,11 +275,17 @@ impl Report {
                     seconds: figures.seconds,
                 })
                 .collect(),
-            stages: outcome.stages.clone(),
+            stages: outcome.costs.stages.clone(),
             memory_budget: outcome.plan.budget,
-            memory_peak: outcome.stages.iter().filter_map(|s| s.peak).max(),
-            temporary_peak: outcome.held.iter().map(|h| h.disk).max().unwrap_or(0),
-            over_time: outcome.held.clone(),
+            memory_peak: outcome.costs.stages.iter().filter_map(|s| s.peak).max(),
+            temporary_peak: outcome
+                .costs
+                .samples
+                .iter()
+                .map(|h| h.disk)
+                .max()
+                .unwrap_or(0),
+            over_time: outcome.costs.samples.clone(),
             notes: outcome.notes.clone(),
         }
     }
@@ -338,21 +345,28 @@ impl Report {
 
 fn area(outcome: &Outcome) -> AreaMap {
     let spacing = outcome.plan.spacing;
-    let (edge, corner) = outcome.uniformity_map.ground(&outcome.plan.quantization);
-    let squares = outcome.uniformity_map.squares().map(|(place, square)| {
-        let distances = &square.distances;
-        SquareRow {
-            place,
-            input: square.input,
-            output: square.output,
-            // Of a handful of points it says nothing.
-            delta: match distances.count {
-                0..10 => f64::NAN,
-                _ => distances.delta(),
-            },
-            mean: distances.sum / distances.count as f64 / spacing,
-        }
-    });
+    let (edge, corner) = outcome
+        .views
+        .uniformity_map
+        .ground(&outcome.plan.quantization);
+    let squares = outcome
+        .views
+        .uniformity_map
+        .squares()
+        .map(|(place, square)| {
+            let distances = &square.distances;
+            SquareRow {
+                place,
+                input: square.input,
+                output: square.output,
+                // Of a handful of points it says nothing.
+                delta: match distances.count {
+                    0..10 => f64::NAN,
+                    _ => distances.delta(),
+                },
+                mean: distances.sum / distances.count as f64 / spacing,
+            }
+        });
     AreaMap {
         edge,
         corner,

@@ -13,8 +13,14 @@ use super::worker::Worker;
 use crate::{
     config::Settings,
     job::{
-        Job, JobError, JobPlan, Progress,
-        running::{Running, threads},
+        context::RunContext,
+        description::Job,
+        error::JobError,
+        progress::Progress,
+        stages::{
+            plan::JobPlan,
+            preparation::{join_scatter, prepare},
+        },
     },
     las::RecordFormat,
     tile::{read_checksummed, write_checksummed},
@@ -83,9 +89,8 @@ impl Job {
         cancel: &AtomicBool,
     ) -> Result<(), JobError> {
         let job = self.with_absolute_paths()?;
-        let pool = threads(job.settings.threads)?;
-        job.watched(progress, |progress, _| {
-            pool.install(|| job.join_scatter(worker, progress, cancel))
+        RunContext::with(&job, job.settings.threads, progress, cancel, |run| {
+            run.pool.install(|| join_scatter(run, worker))
         })
     }
 
@@ -104,13 +109,13 @@ impl Job {
     ) -> Result<Option<JobPlan>, JobError> {
         let job = self.with_absolute_paths()?;
         job.check_output()?;
-        let pool = threads(job.settings.threads)?;
-        let prepared = job.watched(progress, |progress, clock| {
-            pool.install(|| job.prepare(worker, progress, cancel, &clock))
+        let threads = job.settings.threads;
+        let planned = RunContext::with(&job, threads, progress, cancel, |run| {
+            run.pool.install(|| prepare(run, worker))
         })?;
-        prepared
-            .map(|Running { survey, plan, .. }| {
-                let record = survey.record;
+        planned
+            .map(|planned| {
+                let (record, plan) = (planned.survey.record, planned.solver.plan);
                 // The budget is fixed, whatever machine stitches the tiles: another budget would give
                 // another plan, and other tiles.
                 let settings = Settings {

@@ -15,7 +15,7 @@ use crate::{
     job::{
         JobError,
         directory::SolvedTiles,
-        scattering::{POINTS, ScanGroups},
+        stages::scan_groups::{POINTS, ScanGroups},
     },
     tile::Tile,
 };

@@ -11,8 +11,14 @@ use super::{
 };
 use crate::{
     job::{
-        JobError, JobPlan, Progress, Unit, directory::SolvedTiles, queue::Queue,
-        resources::mebibytes, running::threads, scattering::scattered, transfer::Transfer,
+        context::RunContext,
+        directory::SolvedTiles,
+        error::JobError,
+        progress::{Progress, Unit},
+        resources::mebibytes,
+        stages::{
+            plan::JobPlan, scan_groups::open_spill, solve::solve_tiles, tile_solver::TileSolver,
+        },
     },
     tile::{BlockFile, Plan, Tile},
 };
@@ -47,19 +53,11 @@ impl Worker {
         cancel: &AtomicBool,
     ) -> Result<(), JobError> {
         let Handover { job, record, plan } = Handover::read(dir)?;
-        let spill = scattered(dir)?;
-        let options = plan.options(&job.settings);
-        let transfer = Transfer::new(&record, &job.settings);
-        let queue = Queue {
-            spill: &spill,
-            plan: &plan.plan,
-            quantization: plan.quantization,
-            options: &options,
-            transfer: &transfer,
-        };
-        let pool = threads(self.threads)?;
+        let solver = TileSolver::new(open_spill(dir)?, plan, &record, &job.settings);
+        let plan = &solver.plan;
         let groups = groups(&plan.plan);
-        job.watched(progress, |progress, _| {
+        RunContext::with(&job, self.threads, progress, cancel, |run| {
+            let progress = run.progress;
             let (tiles, solved) = (&plan.plan.tiles, SolvedTiles::of(block_files(dir)?));
             let done = tiles.iter().filter(|tile| solved.contains(tile.id)).count();
             progress.begin("solve", tiles.len() as u64, done as u64, Unit::Tiles);
@@ -75,7 +73,7 @@ impl Worker {
                 let mut solved = SolvedTiles::of(files);
                 let mut missing = groups[claim.group].clone();
                 missing.retain(|tile| !solved.contains(tile.id));
-                queue.solve(&missing, &mut solved, &pool, &watch, cancel)?;
+                solve_tiles(run, &solver, &missing, &mut solved, &watch)?;
                 claim.complete().map(|()| true)
             })?;
             if given_up.is_empty() {
@@ -84,7 +82,7 @@ impl Worker {
             }
             let tiles = given_up.iter().flat_map(|&group| &groups[group]);
             let tiles: Vec<u32> = tiles.map(|tile| tile.id).collect();
-            Err(self.given_up(&tiles, &plan))
+            Err(self.given_up(&tiles, plan))
         })
     }
 

@@ -13,7 +13,7 @@ use serde::Serialize;
 use crate::job::{
     JobError,
     resources::{Budget, mebibytes},
-    solving::FARTHEST,
+    stages::transfer::FARTHEST_MATCH_IN_SPACINGS,
 };
 use crate::{
     geometry::{NeighborGrid, Quantization, Stored},
@@ -234,7 +234,11 @@ fn measure_in(
     };
     let spacing = spacing(&spill, &parts(0.0)?, quantization)?;
     let has_scans = files.iter().any(|(mark, _)| *mark == Mark::Scan);
-    let reach = if has_scans { FARTHEST } else { HALO };
+    let reach = if has_scans {
+        FARTHEST_MATCH_IN_SPACINGS
+    } else {
+        HALO
+    };
     let plan = parts(reach * spacing)?;
 
     let options = SolverOptions {

@@ -1,11 +1,33 @@
-//! The stages of a job, each of which leaves files that the next one reads.
+//! The stages of a job. Each leaves files in the job directory that the next one reads.
+//!
+//! ```text
+//!   preparation   survey ─► scatter ─► spacing ─► plan
+//!   solve         tile by tile: load, solve, transfer attributes
+//!   output        stitch ─► write ─► views ─► sort
+//! ```
 
-pub(crate) mod gathering;
-pub(crate) mod planning;
-pub(crate) mod provenance;
-pub(crate) mod queue;
-pub(crate) mod scattering;
-pub(crate) mod solving;
+mod cell_attributes;
+mod checksums;
+mod compatibility;
+mod input_counts;
+mod input_parts;
+mod no_points;
+pub(crate) mod output;
+pub(crate) mod plan;
+pub(crate) mod planned_job;
+pub(crate) mod preparation;
+mod provenance;
+pub(crate) mod scan_groups;
+mod scatter;
+mod scattered_cloud;
+pub(crate) mod solve;
+mod spacing;
+pub(crate) mod stitch;
 pub(crate) mod survey;
+mod tile_costs;
+pub(crate) mod tile_solver;
 pub(crate) mod transfer;
-pub(crate) mod writing;
+pub(crate) mod views;
+pub(crate) mod write;
+
+pub(crate) use input_counts::InputCount;

@@ -1,60 +1,62 @@
-//! Headers only: what there is, and whether it can be merged.
+//! Survey: the headers of all inputs, and what follows from them for the run.
 
 use std::path::PathBuf;
 
 use rayon::prelude::*;
 
-use crate::job::{JobError, LeftOut};
+use super::compatibility::differences;
 use crate::{
     config::Settings,
     geometry::Quantization,
+    job::error::{JobError, LeftOut},
     las::{Crs, InputFile, PointFilter, RecordFormat, Vlr, expand_inputs},
     spacing::Target,
 };
 
-/// What the headers of all inputs say, and what follows for the run.
+/// The headers of all inputs, and what follows from them for the run.
 #[derive(Clone, Debug)]
 pub(crate) struct Survey {
-    /// The files, in the order of their paths.
+    /// The input files, in the order of their paths.
     pub(crate) inputs: Vec<InputFile>,
-    /// The run's record.
+    /// The format of the run's records, which loses nothing of any input.
     pub(crate) record: RecordFormat,
-    /// The run's scale and offset.
+    /// Scale and offset of the run.
     pub(crate) quantization: Quantization,
-    /// The CRS that all inputs share, if they state one.
+    /// The CRS that all inputs share; `None` if they state none.
     pub(crate) crs: Option<Crs>,
     /// Whether GPS times are adjusted standard times.
     pub(crate) has_standard_time: bool,
-    /// What is odd about the inputs.
+    /// Notes on irregularities of the inputs.
     pub(crate) notes: Vec<String>,
     /// Files that cannot be read, and are left out.
     pub(crate) left_out: Vec<LeftOut>,
-    /// Which points take part.
+    /// The condition on the points that are resampled.
     pub(crate) filter: PointFilter,
-    asked: Asked,
+    requested: Requested,
 }
 
-/// What was asked for that headers decide on.
+/// The settings that decide, together with the headers, what follows for the run.
 #[derive(Clone, Debug)]
-struct Asked {
+struct Requested {
     target: Target,
+    /// The CRS of all inputs, whatever their headers state.
     crs: Option<Crs>,
     filter: PointFilter,
 }
 
 impl Survey {
-    /// Reads the headers of the files that `arguments` name; those that cannot be read
-    /// are left out if `skip` says so.
+    /// Reads the headers of the files that `arguments` name. Files that cannot be read are left out
+    /// if `leaves_out` says so.
     ///
     /// # Errors
     ///
-    /// [`JobError::BadFiles`] with every file that is not readable or no LAS, and
-    /// [`JobError::Inputs`] with every one that cannot be merged with the others:
-    /// another CRS or another kind of GPS time than the first, degrees.
+    /// [`JobError::BadFiles`] with every file that is unreadable or no LAS, and
+    /// [`JobError::Inputs`] with every file that cannot be merged with the others: its coordinates
+    /// are degrees, or its CRS or kind of GPS time differs from the first.
     pub(crate) fn of(
         arguments: &[PathBuf],
         settings: &Settings,
-        skip: bool,
+        leaves_out: bool,
     ) -> Result<Self, JobError> {
         let paths = expand_inputs(arguments)?;
         let surveyed: Vec<_> = paths
@@ -72,45 +74,46 @@ impl Survey {
                 }),
             }
         }
-        if !left_out.is_empty() && !skip {
+        if !left_out.is_empty() && !leaves_out {
             return Err(JobError::BadFiles(left_out));
         }
-        let asked = Asked {
+        let requested = Requested {
             target: settings.target,
             crs: settings.crs.clone(),
             filter: settings.filter.clone(),
         };
-        Self::merge(inputs, left_out, asked)
+        Self::merge(inputs, left_out, requested)
     }
 
-    /// The survey without the files of `bad`.
+    /// The survey without the files in `bad`.
     ///
     /// # Errors
     ///
-    /// As [`of`](Self::of), if no file is left.
-    pub(crate) fn without(self, bad: Vec<LeftOut>) -> Result<Self, JobError> {
+    /// [`JobError::BadFiles`] if no file is left.
+    pub(super) fn without(self, bad: Vec<LeftOut>) -> Result<Self, JobError> {
         let mut inputs = self.inputs;
         inputs.retain(|input| {
             let path = input.path.display().to_string();
             bad.iter().all(|bad| bad.path != path)
         });
         let left_out = self.left_out.into_iter().chain(bad).collect();
-        Self::merge(inputs, left_out, self.asked)
+        Self::merge(inputs, left_out, self.requested)
     }
 
-    /// What follows from `inputs`.
+    /// The survey of `inputs`.
     fn merge(
-        inputs: Vec<InputFile>,
+        mut inputs: Vec<InputFile>,
         mut left_out: Vec<LeftOut>,
-        asked: Asked,
+        requested: Requested,
     ) -> Result<Self, JobError> {
         left_out.sort_by(|a, b| a.path.cmp(&b.path));
         left_out.dedup();
+
+        // Refuse inputs that make no cloud.
         if inputs.is_empty() {
             return Err(JobError::BadFiles(left_out));
         }
-        let mut inputs = inputs;
-        if let Some(crs) = &asked.crs {
+        if let Some(crs) = &requested.crs {
             for input in &mut inputs {
                 input.crs = Some(crs.clone());
             }
@@ -121,49 +124,30 @@ impl Survey {
         }
         if inputs.iter().all(|input| input.points_claimed == 0) {
             return Err(JobError::Refused(format!(
-                "{}: no input holds any point; there is nothing to resample",
+                "{}: no input contains any point; there is nothing to resample",
                 inputs[0].path.display()
             )));
         }
-        let mut notes: Vec<String> = inputs
-            .iter()
-            .flat_map(|input| {
-                let path = input.path.display().to_string();
-                input
-                    .notes
-                    .iter()
-                    .map(move |note| format!("{path}: {note}"))
-            })
-            .collect();
-        notes.extend(
-            left_out
-                .iter()
-                .map(|bad| format!("{} is left out: it {}", bad.path, bad.reason)),
-        );
+
+        // Decide what follows for the run.
         let crs = inputs.iter().find_map(|input| input.crs.clone());
-        match &crs {
-            None => notes.push("no input states a CRS; the output states none".into()),
-            Some(crs) if crs.wkt().is_none() => notes
-                .push("the CRS names no EPSG code; its GeoTIFF keys are copied as they are".into()),
-            Some(_) => {}
-        }
         Ok(Self {
             record: RecordFormat::for_inputs(&inputs)?,
-            quantization: quantization(&inputs, asked.target),
+            quantization: quantization(&inputs, requested.target),
             has_standard_time: inputs
                 .iter()
                 .any(|input| input.format().has_gps_time && input.has_standard_time),
+            notes: notes(&inputs, &left_out, crs.as_ref()),
             crs,
-            notes,
             inputs,
             left_out,
-            filter: asked.filter.clone(),
-            asked,
+            filter: requested.filter.clone(),
+            requested,
         })
     }
 
-    /// The records that the output keeps: of each kind the first that an input has.
-    pub(crate) fn kept_records(&self) -> Vec<Vlr> {
+    /// The variable-length records that the output keeps: the first record of each kind.
+    pub(super) fn kept_records(&self) -> Vec<Vlr> {
         let mut kept: Vec<Vlr> = Vec::new();
         for record in self.inputs.iter().flat_map(|input| &input.kept_records) {
             if kept.iter().all(|known| known.record_id != record.record_id) {
@@ -173,73 +157,59 @@ impl Survey {
         kept
     }
 
-    /// Points that the headers claim.
-    pub(crate) fn points_claimed(&self) -> u64 {
-        self.inputs.iter().map(|input| input.points_claimed).sum()
-    }
-
-    /// The paths of all inputs, of those that are left out, too.
-    pub(crate) fn paths(&self) -> impl Iterator<Item = PathBuf> {
+    /// The paths of all inputs, and of the inputs that are left out.
+    pub(super) fn paths(&self) -> impl Iterator<Item = PathBuf> {
         let inputs = self.inputs.iter().map(|input| input.path.clone());
         let left_out = self.left_out.iter().map(|bad| PathBuf::from(&bad.path));
         inputs.chain(left_out)
     }
 
-    /// The longer side of what the headers claim, in stored units.
-    pub(crate) fn extent_claimed(&self) -> i64 {
-        let (min, max) = claimed_bounds(&self.inputs);
+    /// The number of points that the headers claim.
+    pub(crate) fn points_claimed(&self) -> u64 {
+        self.inputs.iter().map(|input| input.points_claimed).sum()
+    }
+
+    /// The corners of the bounding box that the headers claim, in world coordinates.
+    pub(super) fn claimed_bounds(&self) -> ([f64; 3], [f64; 3]) {
+        claimed_bounds(&self.inputs)
+    }
+
+    /// The longer side of the rectangle that the headers claim, in stored units.
+    pub(super) fn extent_claimed(&self) -> i64 {
+        let (min, max) = self.claimed_bounds();
         let widest = (0..2).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
-        // `as` saturates, and takes what is not a number for zero.
+        // `as` saturates, and turns NaN into zero.
         (widest / self.quantization.scale) as i64
     }
 }
 
-/// What keeps inputs from being merged, file by file.
-fn differences(inputs: &[InputFile]) -> Vec<String> {
-    let mut problems = Vec::new();
-    for input in inputs {
-        if input.crs.as_ref().is_some_and(Crs::is_geographic) {
-            problems.push(format!(
-                "{}: coordinates are degrees, in which a spacing means nothing; reproject it to a \
-                 system in metres or feet",
-                input.path.display()
-            ));
+/// Notes on irregularities of `inputs`, on files `left_out`, and on the `crs` of the output.
+fn notes(inputs: &[InputFile], left_out: &[LeftOut], crs: Option<&Crs>) -> Vec<String> {
+    let of_input = |input: &InputFile| {
+        let path = input.path.display().to_string();
+        let notes = input.notes.iter();
+        let notes: Vec<String> = notes.map(|note| format!("{path}: {note}")).collect();
+        notes
+    };
+    let mut notes: Vec<String> = inputs.iter().flat_map(of_input).collect();
+    notes.extend(
+        left_out
+            .iter()
+            .map(|bad| format!("{} is left out: it {}", bad.path, bad.reason)),
+    );
+    match crs {
+        None => notes.push("no input states a CRS; the output states none".into()),
+        Some(crs) if crs.wkt().is_none() => {
+            notes
+                .push("the CRS names no EPSG code; its GeoTIFF keys are copied as they are".into());
         }
+        Some(_) => {}
     }
-    let name = |crs: &Option<Crs>| crs.as_ref().map_or("none".into(), Crs::name);
-    if let Some((first, rest)) = inputs.split_first() {
-        for input in rest {
-            let same = match (&first.crs, &input.crs) {
-                (None, None) => true,
-                (Some(one), Some(other)) => one.same_as(other),
-                _ => false,
-            };
-            if !same {
-                problems.push(format!(
-                    "{}: its CRS ({}) is not that of {} ({}); reproject one of them, or, if they are the same in truth, give \
-                     --crs",
-                    input.path.display(),
-                    name(&input.crs),
-                    first.path.display(),
-                    name(&first.crs)
-                ));
-            }
-        }
-    }
-    let mut timed = inputs.iter().filter(|input| input.format().has_gps_time);
-    if let Some(first) = timed.next() {
-        for input in timed.filter(|i| i.has_standard_time != first.has_standard_time) {
-            problems.push(format!(
-                "{}: its GPS times are not of the kind of {} (one counts seconds of the week, the \
-                 other adjusted standard time); convert one of them",
-                input.path.display(),
-                first.path.display()
-            ));
-        }
-    }
-    problems
+    notes
 }
 
+/// The bounding box of the sound claims of the headers; if there is none, the offset of the first
+/// input, which is near its points.
 fn claimed_bounds(inputs: &[InputFile]) -> ([f64; 3], [f64; 3]) {
     let mut bounds = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for input in inputs.iter().filter(|input| input.points_claimed > 0) {
@@ -254,14 +224,13 @@ fn claimed_bounds(inputs: &[InputFile]) -> ([f64; 3], [f64; 3]) {
         }
     }
     if bounds.0[0] > bounds.1[0] {
-        // No claim can be used; the files' own offsets are near their points.
         let offset = inputs.first().map_or([0.0; 3], |input| input.offset);
         return (offset, offset);
     }
     bounds
 }
 
-/// The finest scale of the inputs, finer still if the spacing asks for it.
+/// The smallest scale of the inputs, or a smaller one if the spacing requires it.
 fn quantization(inputs: &[InputFile], target: Target) -> Quantization {
     let scale = inputs
         .iter()

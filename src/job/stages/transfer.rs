@@ -1,65 +1,103 @@
-//! What an output point takes over from the scan, and what is added to it.
+//! Transfer of attributes: the record of an output point, from the scan around it.
 //!
-//! Its *cell* are the input points within a spacing of it that are nearer to it than to
-//! any other output point.
+//! A record is that of the nearest input point. Colour, intensity and class may be replaced by those
+//! of all input points in the cell of the output point ([`CellAttributes`]), and computed attributes
+//! may be added. Of several input points at one position the one with the smallest record
+//! counts, in whatever order they were read.
 
 use std::collections::{HashMap, HashSet};
 
 use rayon::prelude::*;
 
-use crate::job::{JobError, solving::FARTHEST};
+use super::cell_attributes::CellAttributes;
 use crate::{
     config::{ClassRule, ColorRule, Computed, Settings},
-    geometry::{AT_ONCE, Local, NeighborGrid, Rect, Stored},
-    las::{AveragedField, RealAttribute, RecordFormat, RecordView},
+    geometry::{AT_ONCE, Local, NeighborGrid, Quantization, Rect, Stored},
+    job::error::JobError,
+    las::{RealAttribute, RecordFormat, RecordView},
     lloyd::{Scan, Site},
     tile::Spill,
 };
 
-/// How records of the output come about.
+/// Largest distance at which an input point is matched with an output point, or an output point with
+/// an input point, in spacings.
+pub(crate) const FARTHEST_MATCH_IN_SPACINGS: f64 = 8.0;
+
+/// The rules by which records of the output are made.
 #[derive(Clone, Debug)]
 pub(crate) struct Transfer {
     color: ColorRule,
     class: ClassRule,
-    /// What is added, and where in the record each of its numbers goes.
+    /// The attributes that are added, each with its components in the record.
     computed: Vec<(Computed, Vec<RealAttribute>)>,
     record: RecordFormat,
-    /// Length of a scanned record before the bytes that nothing describes: what is added
-    /// stands before those.
+    /// Length of a scanned record without the bytes that nothing describes. Added attributes stand
+    /// before these bytes.
     described_length: usize,
 }
 
-/// What the input points of a cell have in common.
-#[derive(Clone, Debug, Default)]
-struct Cell {
-    points: u64,
-    sums: [u64; AveragedField::ALL.len()],
-    /// How many points there are of each class.
-    classes: Vec<(u8, u64)>,
+/// The sites of a tile, and the scan that their records come from.
+pub(super) struct TransferSites<'a> {
+    /// The scan as it was measured, without smoothing.
+    pub(super) scan: &'a Scan,
+    /// All sites of the tile.
+    pub(super) sites: &'a [Site],
+    /// The sites at home in the core of the tile: these get records.
+    pub(super) own: &'a [Site],
+    /// The rectangle of the scan that the tile contains.
+    pub(super) known: &'a Rect,
+    /// The spacing (CRS units).
+    pub(super) spacing: f64,
 }
 
-/// What is known of a part of the scan.
+/// The part of the scan that the records of a tile are made from.
 #[derive(Default)]
-struct Found {
-    /// Of the input points that are wanted, their records.
+struct Gathered {
+    /// Records of the nearest input points.
     records: HashMap<Stored, Vec<u8>>,
-    /// By the number of the site.
-    cells: HashMap<u32, Cell>,
+    /// Attributes of the cells, by the index of the site.
+    cells: HashMap<u32, CellAttributes>,
+}
+
+impl TransferSites<'_> {
+    /// The position of `site` as it is written; measured figures refer to it.
+    fn written_position(&self, site: &Site) -> Local {
+        let quantization = self.scan.quantization();
+        quantization
+            .stored(site.position)
+            .map_or(site.position, |stored| quantization.local(stored))
+    }
+
+    /// For every own site the nearest input point and its distance, or the site's seed and the
+    /// largest distance of a match.
+    fn nearest_points(&self) -> Vec<(Stored, f64)> {
+        let farthest = FARTHEST_MATCH_IN_SPACINGS * self.spacing;
+        let nearest_of = |site: &Site| {
+            self.scan
+                .nearest(self.written_position(site), farthest)
+                .unwrap_or((site.identity, farthest))
+        };
+        self.own
+            .par_iter()
+            .with_max_len(AT_ONCE)
+            .map(nearest_of)
+            .collect()
+    }
 }
 
 impl Transfer {
-    /// The transfer from records like `scanned`, as `settings` have it.
+    /// The transfer from records of the format `scanned`, by `settings`.
     pub(crate) fn new(scanned: &RecordFormat, settings: &Settings) -> Self {
         let mut record = scanned.clone();
         let computed = settings
             .with
             .iter()
             .map(|&computed| {
-                let places = names(computed)
+                let components = names(computed)
                     .iter()
                     .map(|(name, description)| record.add_real(name, description))
                     .collect();
-                (computed, places)
+                (computed, components)
             })
             .collect();
         Self {
@@ -76,6 +114,7 @@ impl Transfer {
         &self.record
     }
 
+    /// Whether records depend on all points in a cell, not only on the nearest one.
     fn needs_cells(&self) -> bool {
         let needs = |(computed, _): &(Computed, Vec<RealAttribute>)| *computed == Computed::Density;
         self.color == ColorRule::Mean
@@ -83,54 +122,72 @@ impl Transfer {
             || self.computed.iter().any(needs)
     }
 
-    /// The records of `own`, some of `sites`, and how far each lies from the scan, within
-    /// reach; `known` is the part of the scan that is looked at.
+    /// Makes the records of the own sites of `tile`, one after the other, and the distances of
+    /// these sites to their nearest input points.
     ///
-    /// Of points at one place the one with the smallest record stands for all, whatever
-    /// the order in which they were read.
-    pub(crate) fn records(
+    /// # Errors
+    ///
+    /// [`JobError::Tile`] if points cannot be read from the spill.
+    pub(super) fn records(
         &self,
         spill: &Spill,
-        scan: &Scan,
-        sites: &[Site],
-        own: &[Site],
-        known: &Rect,
-        spacing: f64,
+        tile: &TransferSites<'_>,
     ) -> Result<(Vec<u8>, Vec<f64>), JobError> {
-        let quantization = scan.quantization();
-        // What is written is what is measured.
-        let place_of = |site: &Site| {
-            quantization
-                .stored(site.position)
-                .map_or(site.position, |stored| quantization.local(stored))
+        // Find the nearest input point of every site, then its record and the points of its cell.
+        let nearest = tile.nearest_points();
+        let gathered = self.gather(spill, tile, &nearest)?;
+
+        // Number the sites, if there are cells.
+        let index_of: HashMap<Stored, u32> = match gathered.cells.is_empty() {
+            true => HashMap::new(),
+            false => tile.sites.iter().map(|s| s.identity).zip(0..).collect(),
         };
-        let nearest_of = |site: &Site| {
-            scan.nearest(place_of(site), FARTHEST * spacing)
-                .unwrap_or((site.identity, FARTHEST * spacing))
-        };
-        let nearest: Vec<(Stored, f64)> = own
-            .par_iter()
-            .with_max_len(AT_ONCE)
-            .map(nearest_of)
-            .collect();
+
+        // Copy the nearest records, around the added attributes, and complete them.
+        let length = self.record.record_length();
+        let mut records = vec![0; tile.own.len() * length];
+        let sites = tile.own.iter().zip(&nearest);
+        for (record, (site, &(point, distance))) in records.chunks_exact_mut(length).zip(sites) {
+            if let Some(found) = gathered.records.get(&point) {
+                let (described, rest) = found.split_at(self.described_length);
+                record[..described.len()].copy_from_slice(described);
+                record[length - rest.len()..].copy_from_slice(rest);
+            }
+            let cell = index_of
+                .get(&site.identity)
+                .and_then(|index| gathered.cells.get(index));
+            self.complete(record, site, cell, distance);
+        }
+        Ok((records, nearest.into_iter().map(|(_, d)| d).collect()))
+    }
+
+    /// Reads the records of the `nearest` points from the spill, and the attributes of the cells if
+    /// records need them.
+    fn gather(
+        &self,
+        spill: &Spill,
+        tile: &TransferSites<'_>,
+        nearest: &[(Stored, f64)],
+    ) -> Result<Gathered, JobError> {
+        let quantization: &Quantization = tile.scan.quantization();
         let wanted: HashSet<Stored> = nearest.iter().map(|&(point, _)| point).collect();
         let cells_of = self.needs_cells().then(|| {
-            let places: Vec<Local> = sites.iter().map(place_of).collect();
-            NeighborGrid::new(&places, spacing)
+            let positions = tile.sites.iter().map(|site| tile.written_position(site));
+            NeighborGrid::new(&positions.collect::<Vec<Local>>(), tile.spacing)
         });
-        let mut all = Found::default();
+        let mut all = Gathered::default();
         spill.gather_each(
-            known,
-            |found: &mut Found, record| {
+            tile.known,
+            |part: &mut Gathered, record| {
                 let point = Stored::of_record(record);
                 if wanted.contains(&point) {
-                    keep_smallest(&mut found.records, point, record);
+                    keep_smallest(&mut part.records, point, record);
                 }
                 if let Some(sites) = &cells_of
                     && let Some((site, _)) =
-                        sites.nearest(quantization.local(point), spacing, |_| false)
+                        sites.nearest(quantization.local(point), tile.spacing, |_| false)
                 {
-                    let cell = found.cells.entry(site).or_default();
+                    let cell = part.cells.entry(site).or_default();
                     cell.add(record, self.record.averaged_fields());
                 }
             },
@@ -143,31 +200,17 @@ impl Transfer {
                 }
             },
         )?;
-
-        let length = self.record.record_length();
-        let mut records = vec![0; own.len() * length];
-        let number_of: HashMap<Stored, u32> = match all.cells.is_empty() {
-            true => HashMap::new(),
-            false => sites.iter().map(|s| s.identity).zip(0..).collect(),
-        };
-        for ((record, site), &(point, distance)) in
-            records.chunks_exact_mut(length).zip(own).zip(&nearest)
-        {
-            if let Some(found) = all.records.get(&point) {
-                let (described, rest) = found.split_at(self.described_length);
-                record[..described.len()].copy_from_slice(described);
-                record[length - rest.len()..].copy_from_slice(rest);
-            }
-            let cell = number_of
-                .get(&site.identity)
-                .and_then(|number| all.cells.get(number));
-            self.complete(record, site, cell, distance);
-        }
-        Ok((records, nearest.into_iter().map(|(_, d)| d).collect()))
+        Ok(all)
     }
 
-    /// Gives a record what is not the nearest point's.
-    fn complete(&self, record: &mut [u8], site: &Site, cell: Option<&Cell>, distance: f64) {
+    /// Writes to a copied `record` the attributes that do not come from the nearest point.
+    fn complete(
+        &self,
+        record: &mut [u8],
+        site: &Site,
+        cell: Option<&CellAttributes>,
+        distance: f64,
+    ) {
         if let Some(cell) = cell {
             if self.color == ColorRule::Mean {
                 for (mean, &field) in cell.means().zip(self.record.averaged_fields()) {
@@ -180,7 +223,7 @@ impl Transfer {
             }
         }
         let area = site.bounded_area().unwrap_or(f64::NAN);
-        for (computed, places) in &self.computed {
+        for (computed, components) in &self.computed {
             let values = match computed {
                 Computed::Normals => site
                     .normal
@@ -188,17 +231,17 @@ impl Transfer {
                     .to_vec(),
                 Computed::Curvature => vec![site.curvature],
                 Computed::Area => vec![area],
-                Computed::Density => vec![cell.map_or(0, |cell| cell.points) as f64 / area],
+                Computed::Density => vec![cell.map_or(0, CellAttributes::points) as f64 / area],
                 Computed::Distance => vec![distance],
             };
-            for (value, &at) in values.into_iter().zip(places) {
-                RecordView::new(&mut *record).set_real(at, value);
+            for (value, &component) in values.into_iter().zip(components) {
+                RecordView::new(&mut *record).set_real(component, value);
             }
         }
     }
 }
 
-/// Names and descriptions of what is added, which are at most 32 letters long.
+/// Names and descriptions of the components of an added attribute; LAS limits each to 32 bytes.
 fn names(computed: Computed) -> &'static [(&'static str, &'static str)] {
     match computed {
         Computed::Normals => &[
@@ -213,53 +256,9 @@ fn names(computed: Computed) -> &'static [(&'static str, &'static str)] {
     }
 }
 
-impl Cell {
-    fn add(&mut self, record: &[u8], averaged_fields: &[AveragedField]) {
-        let record = RecordView::new(record);
-        self.points += 1;
-        for (sum, &field) in self.sums.iter_mut().zip(averaged_fields) {
-            *sum += u64::from(record.averaged(field));
-        }
-        self.count(record.classification(), 1);
-    }
-
-    fn count(&mut self, class: u8, points: u64) {
-        match self.classes.iter_mut().find(|(known, _)| *known == class) {
-            Some((_, count)) => *count += points,
-            None => self.classes.push((class, points)),
-        }
-    }
-
-    fn merge(&mut self, other: &Self) {
-        self.points += other.points;
-        for (sum, more) in self.sums.iter_mut().zip(other.sums) {
-            *sum += more;
-        }
-        for &(class, points) in &other.classes {
-            self.count(class, points);
-        }
-    }
-
-    /// Mean values, halves up.
-    fn means(&self) -> impl Iterator<Item = u16> + '_ {
-        let points = self.points.max(1);
-        let mean = move |sum: &u64| ((2 * sum + points) / (2 * points)) as u16;
-        self.sums.iter().map(mean)
-    }
-
-    /// The class of most points; of equally many `nearest` if it is among them, else the
-    /// least.
-    fn majority(&self, nearest: u8) -> u8 {
-        let rank =
-            |&(class, count): &(u8, u64)| (count, class == nearest, std::cmp::Reverse(class));
-        let most = self.classes.iter().max_by_key(|counted| rank(counted));
-        most.map_or(nearest, |&(class, _)| class)
-    }
-}
-
-/// Of the records of one point the smallest is kept.
-fn keep_smallest(of_point: &mut HashMap<Stored, Vec<u8>>, point: Stored, record: &[u8]) {
-    of_point
+/// Keeps `record` as the record of `point` unless a smaller one is known.
+fn keep_smallest(records: &mut HashMap<Stored, Vec<u8>>, point: Stored, record: &[u8]) {
+    records
         .entry(point)
         .and_modify(|known| {
             if record < known.as_slice() {
@@ -267,37 +266,4 @@ fn keep_smallest(of_point: &mut HashMap<Stored, Vec<u8>>, point: Stored, record:
             }
         })
         .or_insert_with(|| record.to_vec());
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn record(intensity: u16, red: u16, class: u8) -> Vec<u8> {
-        let mut record = RecordView::new(vec![0; 36]);
-        record.set_intensity(intensity);
-        record.set_color([red, 0, 0]);
-        record.set_classification(class);
-        record.into_bytes()
-    }
-
-    #[test]
-    fn a_cell_is_the_same_whatever_the_order_of_its_points() {
-        let points = [(1, 65_535, 2), (2, 65_535, 6), (2, 65_534, 6), (9, 0, 2)];
-        let mut forth = Cell::default();
-        let mut halves = [Cell::default(), Cell::default()];
-        for (at, &(intensity, red, class)) in points.iter().enumerate() {
-            forth.add(&record(intensity, red, class), AveragedField::of_format(7));
-            halves[at % 2].add(&record(intensity, red, class), AveragedField::of_format(7));
-        }
-        let [mut back, other] = halves;
-        back.merge(&other);
-        // 14 / 4 is 3.5; 196 604 / 4 is 49 151.
-        for cell in [&forth, &back] {
-            assert_eq!(cell.means().collect::<Vec<_>>(), [4, 49_151, 0, 0, 0]);
-            assert_eq!(cell.majority(6), 6);
-            assert_eq!(cell.majority(2), 2);
-            assert_eq!(cell.majority(9), 2);
-        }
-    }
 }

@@ -1,0 +1,122 @@
+//! A job from its inputs to its output: the order of the stages.
+
+use std::sync::atomic::AtomicBool;
+
+use super::{
+    cluster::{Worker, block_files},
+    context::RunContext,
+    description::Job,
+    directory::Stamp,
+    error::JobError,
+    outcome::Outcome,
+    progress::Progress,
+    stages::{
+        output::complete_output, plan::JobPlan, planned_job::PlannedJob, preparation::prepare,
+        solve::solve_missing,
+    },
+};
+use crate::las::CompleteCloud;
+
+/// Expected seconds of the stages after the tiles are solved, per million points of the output.
+const STITCH_SECONDS_PER_MILLION: f64 = 0.2;
+const WRITE_SECONDS_PER_MILLION: f64 = 0.5;
+const SORT_SECONDS_PER_MILLION: f64 = 0.7;
+/// Expected seconds of the views of the result.
+const VIEW_SECONDS: f64 = 0.2;
+
+impl Job {
+    /// Does the job, and continues from what an earlier run of the same job completed.
+    ///
+    /// When everything is done except that the output has its name, `report` is called; if it
+    /// fails, the job fails, and the next run continues there. Returns `None` if an earlier run had
+    /// delivered the output, and was stopped while it removed its temporary files.
+    ///
+    /// # Errors
+    ///
+    /// See [`JobError`]. Completed work stays in the job directory, from which the same job
+    /// continues; there is no incomplete file under the name of the output.
+    pub(crate) fn run_and_report(
+        &self,
+        progress: &dyn Progress,
+        cancel: &AtomicBool,
+        report: impl FnOnce(&Outcome) -> Result<(), JobError>,
+    ) -> Result<Option<Outcome>, JobError> {
+        let format = self.check_output()?;
+        let threads = self.settings.threads;
+        let worker = Worker::until_all_is_done(threads);
+        RunContext::with(self, threads, progress, cancel, |run| {
+            // Survey the headers, scatter the points, choose the spacing, plan the tiles.
+            let Some(planned) = run.pool.install(|| prepare(run, &worker))? else {
+                return Ok(None);
+            };
+            run.progress
+                .expect(&self.seconds_ahead(&planned.solver.plan));
+
+            // Solve the tiles that no earlier run has solved.
+            let others = block_files(planned.directory.path())?;
+            let solved = solve_missing(run, &planned, others)?;
+            run.clock.end_stage("solve");
+
+            // Stitch the tiles and write the cloud, aside.
+            let complete = || complete_output(run, &planned, &solved, format);
+            let (outcome, cloud) = run.pool.install(complete)?;
+
+            // Report, and give the output its name.
+            report(&outcome)?;
+            self.deliver(planned, cloud)?;
+            Ok(Some(outcome))
+        })
+    }
+
+    /// Does everything that precedes the solving of tiles, and returns the plan; `None` if an
+    /// earlier run had delivered the output.
+    ///
+    /// # Errors
+    ///
+    /// See [`JobError`].
+    pub(crate) fn plan(
+        &self,
+        progress: &dyn Progress,
+        cancel: &AtomicBool,
+    ) -> Result<Option<JobPlan>, JobError> {
+        let threads = self.settings.threads;
+        let worker = Worker::until_all_is_done(threads);
+        let planned = RunContext::with(self, threads, progress, cancel, |run| {
+            run.pool.install(|| prepare(run, &worker))
+        })?;
+        Ok(planned.map(|planned| {
+            if !self.keep {
+                planned.directory.abandon();
+            }
+            planned.solver.plan
+        }))
+    }
+
+    /// Gives the output its name, and removes the job directory. A run that is killed between the
+    /// two is recognized by the stamp of the output in the job directory.
+    fn deliver(&self, mut planned: PlannedJob, cloud: CompleteCloud) -> Result<(), JobError> {
+        let stamp = Stamp::of(cloud.part());
+        let stamp = stamp.map_err(|e| JobError::io("read", cloud.part(), e))?;
+        planned.directory.deliver(stamp)?;
+        cloud.deliver()?;
+        if !self.keep {
+            planned.directory.clear();
+        }
+        Ok(())
+    }
+
+    /// The stages from the solving of tiles on, with the expected seconds of each.
+    fn seconds_ahead(&self, plan: &JobPlan) -> [(&'static str, f64); 4] {
+        let million = 1e-6 * plan.points_out as f64;
+        let sort = match self.is_sorted() {
+            true => SORT_SECONDS_PER_MILLION,
+            false => 0.0,
+        };
+        [
+            ("solve", plan.seconds_to_solve),
+            ("stitch", STITCH_SECONDS_PER_MILLION * million),
+            ("write", WRITE_SECONDS_PER_MILLION * million),
+            ("sort", VIEW_SECONDS + sort * million),
+        ]
+    }
+}

@@ -1,0 +1,164 @@
+//! From solved tiles to a complete cloud: stitch, write, views, sort.
+
+use super::{
+    planned_job::PlannedJob, provenance::provenance, stitch::stitch, views::ResultViews,
+    write::write_tiles,
+};
+use crate::{
+    job::{
+        context::RunContext,
+        directory::{Scratch, SolvedTiles},
+        error::JobError,
+        outcome::{Outcome, RunCosts, WrittenCloud},
+        progress::{Progress, Unit},
+        tile_figures::TileFigures,
+    },
+    las::{CloudHeader, CloudWriter, CompleteCloud, Format, Workspace},
+    tile::SettledTiles,
+    views::{CloudPair, UniformityMap},
+};
+
+/// Stitches the `solved` tiles and writes the cloud, complete but not yet under its name.
+///
+/// # Errors
+///
+/// See [`JobError`].
+pub(crate) fn complete_output(
+    run: &RunContext<'_>,
+    planned: &PlannedJob,
+    solved: &SolvedTiles,
+    format: Format,
+) -> Result<(Outcome, CompleteCloud), JobError> {
+    let (job, solver) = (run.job, &planned.solver);
+    let plan = &solver.plan.plan;
+    let tile_count = plan.tiles.len() as u64;
+    let notes_on_points = planned.notes_on_points();
+    notes_on_points
+        .iter()
+        .for_each(|note| run.progress.note(note));
+
+    // Stitch: settle the position of every site.
+    run.progress.begin("stitch", tile_count, 0, Unit::Tiles);
+    let scratch = Scratch::choose(
+        job.scratch.as_deref(),
+        planned.directory.path(),
+        planned.settled_bytes(job.is_sorted()),
+        run.progress,
+    )?;
+    let mut settled = SettledTiles::create(scratch.path())?;
+    let seams = stitch(solver, solved, &mut settled, run.progress)?;
+    run.progress.end();
+    run.clock.end_stage("stitch");
+    run.check_cancelled()?;
+
+    // Write the records, and measure the distances between the points as written.
+    let tiles: Vec<TileFigures> = (plan.tiles.iter())
+        .map(|tile| solved.figures(tile.id))
+        .collect::<Result<_, JobError>>()?;
+    let cloud = cloud_pair(planned, &settled);
+    let mut map = UniformityMap::of_input(&solver.spill);
+    run.progress.begin("write", tile_count, 0, Unit::Tiles);
+    let mut writer = create_writer(run, planned, format, &scratch)?;
+    let (stitched, delta_by_tile) =
+        write_tiles(&cloud, seams, &mut map, &mut writer, run.progress)?;
+    run.progress.end();
+    run.clock.end_stage("write");
+
+    // Make the views for the report, in the tile of most sites.
+    let largest = tiles.iter().max_by_key(|tile| tile.sites);
+    let largest = largest.map_or(0, |figures| figures.tile.id);
+    let views = ResultViews::new(&cloud, map, writer.points(), largest)?;
+    run.clock.end_stage("look");
+
+    // Sort the points, if the format asks for it, and complete the file.
+    let complete = sort(run, solver.plan.points_out, writer)?;
+
+    // Check conservation: every site is a point of the output.
+    let sites: u64 = tiles.iter().map(|tile| tile.sites).sum();
+    let points = complete.points();
+    if points != sites {
+        return Err(JobError::Refused(format!(
+            "{sites} points were solved and {points} written; please report this"
+        )));
+    }
+
+    // Collect what the report says.
+    let (stages, samples) = run.clock.stop(&job.dir);
+    let notes = planned.survey.notes.iter().cloned().chain(notes_on_points);
+    let outcome = Outcome {
+        plan: solver.plan.clone(),
+        inputs: planned.inputs.clone(),
+        tiles,
+        stitched,
+        written: WrittenCloud {
+            points,
+            bytes: complete.bytes(),
+            delta_by_tile,
+        },
+        views,
+        costs: RunCosts { stages, samples },
+        notes: notes.collect(),
+    };
+    Ok((outcome, complete))
+}
+
+/// The scattered input and the settled output, for measurements and views.
+fn cloud_pair<'a>(planned: &'a PlannedJob, settled: &'a SettledTiles) -> CloudPair<'a> {
+    let solver = &planned.solver;
+    let record = solver.transfer.record();
+    CloudPair {
+        plan: &solver.plan.plan,
+        spill: &solver.spill,
+        settled,
+        record_length: record.record_length(),
+        has_color: record.has_color(),
+        sites_per_point: solver.options.seeds_per_point,
+        quantization: &solver.plan.quantization,
+        spacing: solver.options.spacing,
+    }
+}
+
+/// Creates the writer of the output, with its temporary files in `scratch`.
+fn create_writer(
+    run: &RunContext<'_>,
+    planned: &PlannedJob,
+    format: Format,
+    scratch: &Scratch,
+) -> Result<CloudWriter, JobError> {
+    let (job, survey, solver) = (run.job, &planned.survey, &planned.solver);
+    let header = CloudHeader {
+        record: solver.transfer.record().clone(),
+        quantization: solver.plan.quantization,
+        crs: survey.crs.clone(),
+        kept_records: survey.kept_records(),
+        has_standard_time: survey.has_standard_time,
+        provenance: provenance(&job.settings, planned),
+    };
+    let workspace = Workspace {
+        spacing: solver.options.spacing,
+        tile_edge: job.settings.output_tiles.unwrap_or(0.0),
+        stem: scratch.path().join("octree"),
+        buffer_bytes: run.budget.buffers(),
+        sort_bytes: run.budget.tile() as usize / 2,
+    };
+    Ok(CloudWriter::create(
+        &job.output,
+        format,
+        &header,
+        &workspace,
+    )?)
+}
+
+/// Completes the file of `writer`, and reports the stage if that sorts approximately `points`.
+fn sort(run: &RunContext<'_>, points: u64, writer: CloudWriter) -> Result<CompleteCloud, JobError> {
+    let is_sorted = run.job.is_sorted();
+    if is_sorted {
+        run.progress.begin("sort", points, 0, Unit::Points);
+    }
+    let complete = writer.complete(&|points| run.progress.advance(points))?;
+    if is_sorted {
+        run.progress.end();
+        run.clock.end_stage("sort");
+    }
+    Ok(complete)
+}

@@ -1,0 +1,216 @@
+//! Plan: the plane is cut into tiles by true counts, so that each tile fits the memory.
+
+use serde::{Deserialize, Serialize};
+
+use super::{scattered_cloud::ScatteredCloud, tile_costs::costed_squares, transfer::Transfer};
+use crate::{
+    config::Settings,
+    geometry::Quantization,
+    job::{
+        directory::{DiskNeed, bytes_in, check_room, directory_of},
+        error::JobError,
+        progress::Progress,
+        resources::mebibytes,
+    },
+    lloyd::SolverOptions,
+    tile::{Plan, PlanOptions},
+};
+
+/// What a job will do, and what it will take.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct JobPlan {
+    /// Points of the input.
+    pub(crate) points: u64,
+    /// Spacing of the output (CRS units).
+    pub(crate) spacing: f64,
+    /// Approximate number of points of the output.
+    pub(crate) points_out: u64,
+    /// The tiles.
+    pub(crate) plan: Plan,
+    /// Width of the halo around the core of a tile (CRS units).
+    pub(crate) halo: f64,
+    /// Expected peak memory in bytes.
+    pub(crate) memory: u64,
+    /// The memory budget in bytes.
+    pub(crate) budget: u64,
+    /// Expected bytes of temporary files.
+    pub(crate) temporary: u64,
+    /// Expected seconds of the job.
+    pub(crate) seconds: f64,
+    /// Expected seconds of the solving of tiles, which are a part of `seconds`.
+    pub(crate) seconds_to_solve: f64,
+    /// Scale and offset of the output.
+    pub(crate) quantization: Quantization,
+}
+
+impl JobPlan {
+    /// The options of the solver at the spacing of this plan, by `settings`.
+    pub(crate) fn options(&self, settings: &Settings) -> SolverOptions {
+        settings
+            .solver
+            .at(self.spacing, self.points_out as f64 / self.points as f64)
+    }
+}
+
+/// Seconds in which one core decodes and spills a million points; a rough value for the estimate.
+const SCATTER_SECONDS_PER_MILLION: f64 = 0.7;
+/// Seconds in which one core moves a million sites once; a rough value for the estimate.
+const STEP_SECONDS_PER_MILLION: f64 = 3.2;
+/// Bytes of a site in a band, and of its identity, beside its record.
+const SITE_BYTES: u64 = 48;
+/// Name of the file in the job directory that contains the tiles.
+const PLAN_FILE: &str = "plan.json";
+
+/// Plans tiles for approximately `points_out` sites, and estimates what they will take.
+///
+/// # Errors
+///
+/// [`JobError::Refused`] if memory or a disk is too small.
+pub(super) fn plan_tiles(
+    cloud: &ScatteredCloud<'_>,
+    options: &SolverOptions,
+    points_out: u64,
+) -> Result<JobPlan, JobError> {
+    let ScatteredCloud { run, spill, .. } = *cloud;
+    let halo = run.job.settings.halo.unwrap_or_else(|| options.halo());
+
+    // Cut the plane, or keep the tiles of an earlier run.
+    let plan = tiles(cloud, options, points_out, halo)?;
+
+    // Check that the results of the tiles have room on the disk. Each record is written as its tile
+    // leaves it and again as it is settled, and once more if the output is sorted.
+    let transfer = Transfer::new(&cloud.survey.record, &run.job.settings);
+    let records = points_out * transfer.record().record_length() as u64;
+    let sorted = match run.job.is_sorted() {
+        true => records,
+        false => 0,
+    };
+    let solved = 2 * records + sorted + SITE_BYTES * points_out;
+    check_disks(cloud, solved, records)?;
+
+    // Estimate memory and time.
+    let needed = run.budget.needed(plan.most_cost() as f64);
+    run.progress.note(&format!(
+        "{} tiles; memory up to {} of {}, temporary files up to {}",
+        plan.tiles.len(),
+        mebibytes(needed),
+        mebibytes(run.budget.total),
+        mebibytes(spill.bytes() + solved)
+    ));
+    let (seconds, seconds_to_solve) = expected_seconds(cloud, options, points_out, &plan);
+    Ok(JobPlan {
+        points: spill.points(),
+        spacing: options.spacing,
+        points_out,
+        halo,
+        memory: needed.max(run.budget.least()),
+        budget: run.budget.total,
+        temporary: spill.bytes() + solved,
+        seconds,
+        seconds_to_solve,
+        plan,
+        quantization: *cloud.quantization(),
+    })
+}
+
+/// Cuts the plane into tiles, or reads the tiles of an earlier run. Tiles that were solved under
+/// another plan would not fit together, so the first plan of a job stays as long as it fits the
+/// budget of this run.
+fn tiles(
+    cloud: &ScatteredCloud<'_>,
+    options: &SolverOptions,
+    points_out: u64,
+    halo: f64,
+) -> Result<Plan, JobError> {
+    let (run, quantization) = (cloud.run, cloud.quantization());
+    let most_cost = run.budget.tile();
+    let found = cloud.directory.read::<Plan>(PLAN_FILE);
+    let is_new = found.is_none();
+    if let Some(found) = found.filter(|plan| plan.most_cost() <= most_cost) {
+        return Ok(found);
+    }
+    let tile_size = run.job.settings.tile_size;
+    let plan = Plan::make(
+        &costed_squares(cloud, options, points_out)?,
+        cloud.spill.grid().square(),
+        &PlanOptions {
+            halo: quantization.units(halo),
+            margin: quantization.units(options.farthest_seed()),
+            tile_edge: tile_size.map(|edge| quantization.units(edge)),
+            most_cost,
+        },
+    );
+    check_memory(cloud, &plan, halo)?;
+    if !is_new {
+        run.progress
+            .note("the tiles of an earlier run do not fit this one's memory: all are solved anew");
+    }
+    cloud.directory.forget_tiles();
+    cloud.directory.write(PLAN_FILE, &plan)?;
+    Ok(plan)
+}
+
+/// Expected seconds of the job, and of the solving of its tiles.
+fn expected_seconds(
+    cloud: &ScatteredCloud<'_>,
+    options: &SolverOptions,
+    points_out: u64,
+    plan: &Plan,
+) -> (f64, f64) {
+    let spill = cloud.spill;
+    let points_seen: u64 = plan.tiles.iter().map(|tile| tile.points_seen).sum();
+    let overlap = points_seen as f64 / spill.points().max(1) as f64;
+    let million = 1e-6 / cloud.run.job.settings.threads as f64;
+    let iterations = f64::from(options.iterations);
+    let to_solve = points_out as f64 * million * STEP_SECONDS_PER_MILLION * iterations * overlap;
+    let scattered = spill.points() as f64 * million;
+    let seconds = scattered * SCATTER_SECONDS_PER_MILLION * (1.0 + overlap) + to_solve;
+    (seconds, to_solve)
+}
+
+/// Checks that the costliest tile of `plan` fits the memory.
+fn check_memory(cloud: &ScatteredCloud<'_>, plan: &Plan, halo: f64) -> Result<(), JobError> {
+    let budget = &cloud.run.budget;
+    let costly = plan.tiles.iter().max_by_key(|tile| tile.cost);
+    let Some(tile) = costly.filter(|tile| tile.cost > budget.tile()) else {
+        return Ok(());
+    };
+    let (total, needed) = (budget.total, budget.needed(tile.cost as f64));
+    let points = tile.points_seen;
+    Err(JobError::Refused(match cloud.run.job.settings.tile_size {
+        Some(_) => format!(
+            "--tile-size makes a tile of {points} points, which takes about {}, and --memory is \
+             {}; give smaller tiles or more memory",
+            mebibytes(needed),
+            mebibytes(total)
+        ),
+        None => format!(
+            "--memory {} is too little: the densest place holds {points} points within a halo of \
+             {halo:.3}; give at least {}",
+            mebibytes(total),
+            mebibytes(needed)
+        ),
+    }))
+}
+
+/// Checks that the disks have room for `solved` bytes of solved tiles, and for an output of at most
+/// `records` bytes.
+fn check_disks(cloud: &ScatteredCloud<'_>, solved: u64, records: u64) -> Result<(), JobError> {
+    let (directory, output) = (cloud.directory.path(), &cloud.run.job.output);
+    let present = bytes_in(directory, |name| name.starts_with("tiles"));
+    let is_compressed = output
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("laz"));
+    check_room(&[
+        DiskNeed {
+            what: "solved tiles".to_owned(),
+            dir: directory,
+            bytes: solved.saturating_sub(present),
+        },
+        DiskNeed {
+            what: "the output".to_owned(),
+            dir: &directory_of(output),
+            bytes: if is_compressed { records / 2 } else { records },
+        },
+    ])
+}

@@ -1,0 +1,41 @@
+//! A job whose points are scattered and whose tiles are planned.
+
+use super::{input_counts::InputCount, survey::Survey, tile_solver::TileSolver};
+use crate::job::directory::JobDirectory;
+
+/// A job whose points are scattered and whose tiles are planned.
+pub(crate) struct PlannedJob {
+    /// The locked job directory.
+    pub(crate) directory: JobDirectory,
+    /// The headers of the inputs, without the inputs that are left out.
+    pub(crate) survey: Survey,
+    /// The checksums of the first inputs, which the output names.
+    pub(crate) checksums: Vec<String>,
+    /// Numbers of points of each input.
+    pub(crate) inputs: Vec<InputCount>,
+    /// The spill, the plan and the options from which tiles are solved.
+    pub(crate) solver: TileSolver,
+}
+
+impl PlannedJob {
+    /// Bytes of the temporary files of the last stage: the records of all sites, and once more if
+    /// the output `is_sorted`.
+    pub(crate) fn settled_bytes(&self, is_sorted: bool) -> u64 {
+        let record_length = self.solver.transfer.record().record_length() as u64;
+        let records = self.solver.plan.points_out * record_length;
+        if is_sorted { 2 * records } else { records }
+    }
+
+    /// Notes on inputs with points outside of the bounds that their headers state.
+    pub(crate) fn notes_on_points(&self) -> Vec<String> {
+        let outside = self.inputs.iter().filter(|input| input.outside > 0);
+        let damaged = outside.map(|input| {
+            format!(
+                "{}: {} of its {} points lie outside of the bounds that its header states; the \
+                 header or the points are damaged",
+                input.path, input.outside, input.read
+            )
+        });
+        damaged.collect()
+    }
+}

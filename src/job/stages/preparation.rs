@@ -1,0 +1,151 @@
+//! Everything that precedes the solving of tiles: survey, scatter, spacing, plan.
+
+use super::{
+    checksums::checksums, input_counts::input_counts, no_points::no_points, plan::plan_tiles,
+    planned_job::PlannedJob, scatter::scatter_readable, scattered_cloud::ScatteredCloud,
+    spacing::choose_spacing, survey::Survey, tile_solver::TileSolver, transfer::Transfer,
+};
+use crate::job::{
+    cluster::Worker,
+    context::RunContext,
+    directory::{InputStamps, JobDirectory, check_room},
+    error::JobError,
+    progress::Progress,
+    resources::mebibytes,
+};
+
+/// Brings the job to the point where its tiles can be solved, from where earlier runs stopped.
+/// Returns `None` if an earlier run has delivered the output. If several processes have begun to
+/// scatter the job, this one joins them as `worker`.
+///
+/// # Errors
+///
+/// See [`JobError`]. An error that the same job would meet again removes the files of this run.
+pub(crate) fn prepare(
+    run: &RunContext<'_>,
+    worker: &Worker,
+) -> Result<Option<PlannedJob>, JobError> {
+    let job = run.job;
+
+    // Read the headers, and lock the job directory.
+    let (survey, inputs) = survey_inputs(run)?;
+    let directory = JobDirectory::open(&job.dir, job.identity(&inputs), job.restart)?;
+
+    // End here if the output is complete, or must not be replaced.
+    if directory.has_delivered(&job.output) {
+        if !job.keep {
+            directory.clear();
+        }
+        return Ok(None);
+    }
+    if let Err(error) = job.check_free() {
+        directory.abandon();
+        return Err(error);
+    }
+    run.clock.end_stage("survey");
+
+    // Scatter and plan.
+    match scatter_and_plan(run, &directory, survey, &inputs, worker) {
+        Ok((survey, checksums, solver)) => Ok(Some(PlannedJob {
+            inputs: input_counts(&survey, &solver.spill),
+            directory,
+            survey,
+            checksums,
+            solver,
+        })),
+        Err(error) => {
+            if !error.is_resumable() {
+                // The next try, with other inputs or settings, is another job.
+                directory.abandon();
+            }
+            Err(error)
+        }
+    }
+}
+
+/// Scatters the groups of scans that no other process scatters, as `worker` among several, without
+/// locking the job directory.
+///
+/// # Errors
+///
+/// See [`JobError`].
+pub(crate) fn join_scatter(run: &RunContext<'_>, worker: &Worker) -> Result<(), JobError> {
+    let job = run.job;
+    job.format()?;
+    let (survey, inputs) = survey_inputs(run)?;
+    if !JobDirectory::join(&job.dir, job.identity(&inputs), &job.output)? {
+        return Ok(());
+    }
+    job.check_free()?;
+    let scatter = super::scatter::Scatter {
+        run,
+        survey: &survey,
+    };
+    check_room(&[scatter.disk_need()])?;
+    scatter.share(worker)?;
+    inputs.check()
+}
+
+/// Reads the headers of the inputs, and their stamps as they are now.
+fn survey_inputs(run: &RunContext<'_>) -> Result<(Survey, InputStamps), JobError> {
+    let (job, budget) = (run.job, run.budget);
+    if budget.total < budget.least() {
+        return Err(JobError::Refused(format!(
+            "--memory {} is too little for any job; give at least {}",
+            mebibytes(budget.total),
+            mebibytes(budget.least())
+        )));
+    }
+    let survey = Survey::of(&job.inputs, &job.settings, job.skip_bad_files)?;
+    for note in &survey.notes {
+        run.progress.note(note);
+    }
+    let inputs = InputStamps::of(survey.paths());
+    Ok((survey, inputs))
+}
+
+/// Scatters the points, chooses the spacing, and plans the tiles. Returns the survey without the
+/// inputs that turned out to be damaged, the checksums of the inputs, and the solver of the tiles.
+fn scatter_and_plan(
+    run: &RunContext<'_>,
+    directory: &JobDirectory,
+    survey: Survey,
+    inputs: &InputStamps,
+    worker: &Worker,
+) -> Result<(Survey, Vec<String>, TileSolver), JobError> {
+    let settings = &run.job.settings;
+
+    // Scatter every point to the spill of its cell.
+    let (survey, spill) = scatter_readable(run, directory, survey, worker)?;
+    run.clock.end_stage("scatter");
+    if spill.points() == 0 {
+        return Err(no_points(&survey, &spill));
+    }
+
+    // Choose one spacing for the whole cloud.
+    let cloud = ScatteredCloud {
+        run,
+        directory,
+        survey: &survey,
+        spill: &spill,
+    };
+    let (spacing, points_out) = choose_spacing(&cloud)?;
+    let sites_per_point = points_out as f64 / spill.points() as f64;
+    let options = settings.solver.at(spacing, sites_per_point);
+
+    // Cut the plane into tiles that fit the memory.
+    let plan = plan_tiles(&cloud, &options, points_out)?;
+    run.clock.end_stage("plan");
+
+    // Check that the inputs are still those of the survey, and name them by their checksums.
+    inputs.check()?;
+    let checksums = checksums(&survey, directory)?;
+    let transfer = Transfer::new(&survey.record, settings);
+    let solver = TileSolver {
+        spill,
+        plan,
+        options,
+        transfer,
+    };
+    Ok((survey, checksums, solver))
+}

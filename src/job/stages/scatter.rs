@@ -1,0 +1,279 @@
+//! Scatter: every input is decoded once, and each point is appended to the spill of its cell.
+//!
+//! One process scatters alone, or several scatter a group of parts of the inputs each.
+
+use std::path::Path;
+
+use super::{
+    input_parts::InputPart,
+    scan_groups::{POINTS, ScanGroups, open_spill, single_spill},
+    survey::Survey,
+};
+use crate::{
+    job::{
+        cluster::{AttemptState, Claim, Worker},
+        context::RunContext,
+        directory::{DiskNeed, JobDirectory, bytes_in, check_room},
+        error::{JobError, LeftOut},
+        progress::{Progress, Unit},
+    },
+    las::{LasError, PointStream},
+    tile::{
+        CellGrid, Opener, PointCounts, ScatterOptions, Source, SourceError, Spill, TileError,
+        scatter,
+    },
+};
+
+/// Bytes that are spilled between checkpoints: a scatter that is killed loses as many.
+const CHECKPOINT_BYTES: u64 = 1 << 30;
+
+/// Name of the file in the job directory that lists the inputs found to be damaged as they were
+/// decoded.
+const LEFT_OUT_FILE: &str = "left-out.json";
+
+impl Source for PointStream {
+    fn next_batch(&mut self, records: &mut Vec<u8>) -> Result<PointCounts, SourceError> {
+        Ok(Self::next_batch(self, records)?)
+    }
+}
+
+/// Scatters all inputs of `survey`, or all inputs that can be read if the job leaves others out.
+/// Returns the survey of the inputs that were scattered, and their spill.
+///
+/// # Errors
+///
+/// [`JobError::BadFiles`] if inputs cannot be read to their end and are not left out.
+pub(super) fn scatter_readable(
+    run: &RunContext<'_>,
+    directory: &JobDirectory,
+    mut survey: Survey,
+    worker: &Worker,
+) -> Result<(Survey, Spill), JobError> {
+    let leaves_out = run.job.skip_bad_files;
+
+    // Leave out the inputs that an earlier run found to be damaged as it decoded them.
+    if let Some(bad) = directory.read::<Vec<LeftOut>>(LEFT_OUT_FILE)
+        && leaves_out
+    {
+        survey = survey.without(bad)?;
+    }
+
+    // Scatter until no further input turns out to be damaged.
+    loop {
+        let scatter = Scatter {
+            run,
+            survey: &survey,
+        };
+        check_room(&[scatter.disk_need()])?;
+        match scatter.complete(worker) {
+            Err(JobError::BadFiles(bad)) if leaves_out => {
+                // Some of their points are spilled already, so that the spill begins anew.
+                for bad in &bad {
+                    let note = format!("{} is left out: it {}", bad.path, bad.reason);
+                    run.progress.note(&note);
+                }
+                survey = survey.without(bad)?;
+                directory.forget(|name| name.starts_with("spill"));
+                directory.write(LEFT_OUT_FILE, &survey.left_out)?;
+            }
+            other => return Ok((survey, other?)),
+        }
+    }
+}
+
+/// The stage that brings the inputs of a survey to the spill.
+pub(super) struct Scatter<'a> {
+    /// The run.
+    pub(super) run: &'a RunContext<'a>,
+    /// The headers of the inputs.
+    pub(super) survey: &'a Survey,
+}
+
+impl Scatter<'_> {
+    /// The room that the points of all inputs need on the disk, except for those that are spilled
+    /// already.
+    pub(super) fn disk_need(&self) -> DiskNeed<'_> {
+        let is_spill = |name: &str| name.starts_with("spill") && name.ends_with(".bin");
+        let spilled = bytes_in(self.dir(), is_spill);
+        let inputs = self.survey.inputs.iter();
+        let largest = inputs.max_by_key(|input| input.points_claimed);
+        let largest = largest.map_or_else(String::new, |input| {
+            let (claimed, path) = (input.points_claimed, input.path.display());
+            format!(", {claimed} of them in {path},")
+        });
+        let record_length = self.survey.record.record_length() as u64;
+        let points = self.survey.points_claimed();
+        DiskNeed {
+            what: format!("all points{largest}"),
+            dir: self.dir(),
+            bytes: (points.saturating_mul(record_length)).saturating_sub(spilled),
+        }
+    }
+
+    /// Brings all inputs to the spill, and continues where earlier runs stopped: alone, or, if
+    /// several processes have begun the scatter together, among these as `worker`.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError::BadFiles`] if inputs cannot be read to their end.
+    fn complete(&self, worker: &Worker) -> Result<Spill, JobError> {
+        let parts = InputPart::all(self.survey);
+
+        // Scatter what is not in a spill.
+        if !Claim::all(&POINTS, self.dir())?.is_empty() {
+            self.share(worker)?;
+        } else if !Spill::is_complete(&single_spill(self.dir())) {
+            let points = InputPart::points_in(&parts);
+            self.run.progress.begin("scatter", points, 0, Unit::Points);
+            self.spill(&parts, &single_spill(self.dir()))?;
+            self.run.progress.end();
+        }
+        let spill = open_spill(self.dir())?;
+
+        // Check conservation: every point that was read is spilled, or was left out.
+        let kept: u64 = spill
+            .sources()
+            .map(|c| c.read - c.rejected - c.filtered)
+            .sum();
+        if kept != spill.points() || spill.sources().count() != parts.len() {
+            return Err(JobError::Refused(format!(
+                "{kept} points were read and {} spilled: the spill is not to be trusted; begin \
+                 anew with --restart, and please report this",
+                spill.points()
+            )));
+        }
+        Ok(spill)
+    }
+
+    /// Brings the groups of parts that no other process scatters to spills of their own.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError::BadFiles`] if inputs cannot be read to their end. If such inputs are left out and
+    /// `worker` does not wait for others, groups with such inputs are left to other processes.
+    pub(super) fn share(&self, worker: &Worker) -> Result<(), JobError> {
+        let (run, dir) = (self.run, self.dir());
+
+        // Refuse to join a process that scatters alone.
+        if single_spill(dir).with_extension("bin").exists() {
+            return Err(JobError::Refused(format!(
+                "{}: one process has begun to scatter this job alone; the same command without \
+                 --shard goes on from there",
+                dir.display()
+            )));
+        }
+
+        // Agree on the groups, and report what other processes have done.
+        let parts = InputPart::all(self.survey);
+        let groups = InputPart::groups(&parts);
+        let count = groups.len();
+        ScanGroups { count }.write(dir)?;
+        let claims = Claim::all(&POINTS, dir)?;
+        let complete = claims.iter().filter(|c| c.state == AttemptState::Complete);
+        let points_of = |group| groups.get(group).map_or(0, |&g| InputPart::points_in(g));
+        let done = complete.map(|claim| points_of(claim.group)).sum();
+        let points = InputPart::points_in(&parts);
+        run.progress.begin("scatter", points, done, Unit::Points);
+
+        // Scatter one free group after the other.
+        let leaves_to_others = run.job.skip_bad_files && !worker.waits_for_others;
+        let given_up = worker.share(&POINTS, dir, count, run.cancel, |claim, _| {
+            match self.spill(groups[claim.group], &claim.stem) {
+                Err(error @ JobError::BadFiles(_)) if leaves_to_others => {
+                    run.progress.note(&error.to_string());
+                    Ok(false)
+                }
+                other => other.map(|()| true),
+            }
+        })?;
+        run.progress.end();
+        let given_up = given_up.iter().flat_map(|&group| groups[group]);
+        match self.given_up(given_up, worker) {
+            Some(error) => Err(error),
+            None => Ok(()),
+        }
+    }
+
+    /// The error that names the inputs of `parts`, over which too many processes have died; `None`
+    /// if there are no such parts.
+    fn given_up<'p>(
+        &self,
+        parts: impl Iterator<Item = &'p InputPart>,
+        worker: &Worker,
+    ) -> Option<JobError> {
+        let mut paths: Vec<String> = parts
+            .map(|part| self.survey.inputs[part.input].path.display().to_string())
+            .collect();
+        paths.dedup();
+        (!paths.is_empty()).then(|| {
+            JobError::Refused(format!(
+                "{} processes died while they read one of {}, or their machines did; see to that, \
+                 and give --attempts {} to try again",
+                worker.retry_limit,
+                paths.join(", "),
+                worker.retry_limit + 1
+            ))
+        })
+    }
+
+    /// Brings `parts` to the spill at `stem`, and continues where an earlier run stopped.
+    fn spill(&self, parts: &[InputPart], stem: &Path) -> Result<(), JobError> {
+        let Self { run, survey } = *self;
+        let sources = parts
+            .iter()
+            .map(|part| {
+                let open = move |skip| {
+                    let rest = part.points.start + skip..part.points.end;
+                    let input = &survey.inputs[part.input];
+                    let (record, quantization) = (&survey.record, survey.quantization);
+                    let stream =
+                        PointStream::open(input, rest, record, quantization, &survey.filter)?;
+                    Ok(Box::new(stream) as Box<dyn Source>)
+                };
+                Box::new(open) as Opener<'_>
+            })
+            .collect();
+        let options = ScatterOptions {
+            record_length: survey.record.record_length(),
+            threads: run.budget.decoders(),
+            buffer_bytes: run.budget.buffers(),
+            checkpoint_bytes: CHECKPOINT_BYTES,
+            // Then the error names all files that fail, not only the first.
+            keep_going: run.job.skip_bad_files,
+        };
+        // Cells are at most one CRS unit wide to begin with.
+        let usual_edge = (1.0 / survey.quantization.scale).ceil() as i64;
+        let grid = CellGrid::for_extent(survey.extent_claimed(), usual_edge);
+        let progress = |points| run.progress.advance(points);
+        scatter(sources, grid, stem, options, &progress, run.cancel).map_err(|error| match error {
+            TileError::Sources(failures) => bad_files(survey, parts, failures),
+            other => JobError::Tile(other),
+        })
+    }
+
+    fn dir(&self) -> &Path {
+        &self.run.job.dir
+    }
+}
+
+/// The error that names each input with a part among `failures` once, with its first reason.
+fn bad_files(
+    survey: &Survey,
+    parts: &[InputPart],
+    failures: Vec<(usize, SourceError)>,
+) -> JobError {
+    let mut bad: Vec<LeftOut> = Vec::new();
+    for (part, error) in failures {
+        let path = &survey.inputs[parts[part].input].path;
+        let path = path.display().to_string();
+        if bad.iter().all(|known| known.path != path) {
+            let reason = match error.downcast::<LasError>() {
+                Ok(error) => error.problem,
+                Err(error) => error.to_string(),
+            };
+            bad.push(LeftOut { path, reason });
+        }
+    }
+    bad.sort_by(|a, b| a.path.cmp(&b.path));
+    JobError::BadFiles(bad)
+}

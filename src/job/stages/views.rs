@@ -1,0 +1,71 @@
+//! Views of the result for the report: an overview picture, detail views, and the viewer sample.
+
+use crate::{
+    job::error::JobError,
+    picture::View,
+    views::{
+        CloudPair, Coloring, DetailView, PictureOptions, UniformityMap, ViewerSample, WorstPlace,
+        draw_picture,
+    },
+};
+
+/// The options of the overview picture.
+const OVERVIEW: PictureOptions = PictureOptions {
+    view: View::Oblique,
+    coloring: Coloring::Auto,
+    size: [1280, 640],
+    point_size: None,
+};
+
+/// Views of the input and the output of a job.
+#[derive(Clone, Debug)]
+pub(crate) struct ResultViews {
+    /// One square before and after.
+    pub(crate) detail: DetailView,
+    /// The points that the 3-D viewer shows.
+    pub(crate) viewer_sample: ViewerSample,
+    /// A picture of the output, in PNG.
+    pub(crate) overview: Vec<u8>,
+    /// Figures of input and output by squares.
+    pub(crate) uniformity_map: UniformityMap,
+    /// The places where the output is least even.
+    pub(crate) worst: Vec<WorstPlace>,
+}
+
+impl ResultViews {
+    /// Makes the views of `cloud`, which has `points`. The detail view lies in the tile with the
+    /// number `tile`, and the viewer sample at its corner.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError`] if temporary files cannot be read.
+    pub(super) fn new(
+        cloud: &CloudPair<'_>,
+        uniformity_map: UniformityMap,
+        points: u64,
+        tile: u32,
+    ) -> Result<Self, JobError> {
+        let overview = draw_picture(
+            &OVERVIEW,
+            points,
+            cloud.has_color,
+            cloud.quantization,
+            &|draw| cloud.visit(draw),
+        )?;
+        let worst = uniformity_map.worst().into_iter().map(|(delta, point)| {
+            Ok(WorstPlace {
+                place: cloud.quantization.world(point),
+                delta,
+                detail: cloud.around([point.x.into(), point.y.into()])?,
+            })
+        });
+        let worst = worst.collect::<Result<Vec<WorstPlace>, JobError>>()?;
+        Ok(Self {
+            detail: cloud.at_middle(tile)?,
+            viewer_sample: cloud.viewer_sample(tile)?,
+            overview,
+            uniformity_map,
+            worst,
+        })
+    }
+}
