@@ -249,6 +249,22 @@ fn a_picture_shows_the_street() {
 }
 
 #[test]
+fn a_picture_is_refused_under_a_name_of_another_format() {
+    let dir = tempfile::tempdir().unwrap();
+    let picture = dir.path().join("street.jpg");
+    // The cloud is not there: the name of the picture is refused before anything is read.
+    let cloud = dir.path().join("missing.laz");
+    let refused = lloydar(&["render", text(&cloud), "-o", text(&picture)]);
+    assert_eq!(refused.status.code(), Some(2), "{refused:?}");
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert!(
+        said.contains(".png") && said.contains("street.png") && !said.contains("missing"),
+        "{said}"
+    );
+    assert!(!picture.exists());
+}
+
+#[test]
 fn an_output_that_is_there_is_kept() {
     let dir = tempfile::tempdir().unwrap();
     let scans = street(dir.path());

@@ -21,7 +21,7 @@ use crate::{
     las::{InputFile, expand_inputs},
     picture::View,
     report::{REPORT_PAGE, Report, VIEWER_PAGE},
-    views::{Coloring, PictureOptions, render},
+    views::{Coloring, PictureOptions, png_path, render},
 };
 use clap::{CommandFactory, Parser, Subcommand};
 
@@ -149,8 +149,8 @@ enum Command {
         /// LAS, LAZ, COPC and PLY files, directories, patterns
         #[arg(required = true, value_name = "CLOUD")]
         files: Vec<PathBuf>,
-        /// The picture
-        #[arg(short, long, value_name = "FILE", default_value = "cloud.png")]
+        /// The picture (.png)
+        #[arg(short, long, value_name = "FILE", default_value = "cloud.png", value_parser = png_path)]
         output: PathBuf,
         /// top, oblique or street: from within, along the longer side
         #[arg(long, default_value = "oblique", value_parser = by_name::<View>)]

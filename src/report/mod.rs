@@ -255,7 +255,7 @@ impl Report {
                 .worst
                 .iter()
                 .map(|worst| WorstRow {
-                    place: worst.place,
+                    place: worst.position,
                     delta: worst.delta,
                     detail: worst.detail.clone(),
                 })
@@ -348,7 +348,7 @@ fn area(outcome: &Outcome) -> AreaMap {
     let (edge, corner) = outcome
         .views
         .uniformity_map
-        .ground(&outcome.plan.quantization);
+        .edge_and_corner(&outcome.plan.quantization);
     let squares = outcome
         .views
         .uniformity_map

@@ -307,8 +307,8 @@ fn detail(detail: &DetailView) -> String {
     if detail.after.is_empty() {
         return "<p>nothing to see</p>".into();
     }
-    let choice = if detail.shown < 1.0 {
-        format!(" ({:.0} % of the points)", 100.0 * detail.shown)
+    let choice = if detail.shown_share < 1.0 {
+        format!(" ({:.0} % of the points)", 100.0 * detail.shown_share)
     } else {
         String::new()
     };

@@ -93,9 +93,13 @@ pub(super) fn viewer(report: &Report) -> Option<String> {
 
 fn before(excerpt: &ViewerSample) -> String {
     let shown = excerpt.before.len() as u64;
-    match shown == excerpt.scanned {
+    match shown == excerpt.input_points {
         true => thousands(shown),
-        false => format!("{} of {}", thousands(shown), thousands(excerpt.scanned)),
+        false => format!(
+            "{} of {}",
+            thousands(shown),
+            thousands(excerpt.input_points)
+        ),
     }
 }
 
@@ -106,7 +110,7 @@ fn packed(points: &[ViewerPoint]) -> String {
     for axis in 0..3 {
         let mut last = 0_u16;
         for point in points {
-            let place = point.place[axis];
+            let place = point.position[axis];
             planes.extend(place.wrapping_sub(last).to_le_bytes());
             last = place;
         }

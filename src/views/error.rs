@@ -13,7 +13,7 @@ pub(crate) enum ViewError {
     /// A temporary file cannot be read.
     #[error(transparent)]
     Tile(#[from] TileError),
-    /// The pixels could not be encoded as PNG.
+    /// The pixels cannot be encoded as PNG.
     #[error("cannot encode the picture: {0}")]
     Encoding(#[source] io::Error),
     /// The clouds contain no point.

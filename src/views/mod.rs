@@ -1,14 +1,22 @@
-//! What looks at results: one square before and after, the sample that the 3-D viewer shows,
-//! figures by squares for a map, and pictures.
+//! What looks at results: one square from above before and after, the sample that the 3-D viewer
+//! shows, figures by squares for a map, and pictures.
+//!
+//! Views read the input from its spill and the output from the settled tiles ([`cloud_pair`]), or
+//! clouds from their files. They decide nothing about the output.
 
+mod cloud_pair;
+mod coloring;
 mod detail;
 mod error;
 mod picture;
 mod uniformity_map;
 mod viewer_sample;
+mod viewer_square;
 
-pub(crate) use detail::{CloudPair, DetailView};
+pub(crate) use cloud_pair::CloudPair;
+pub(crate) use coloring::Coloring;
+pub(crate) use detail::DetailView;
 pub(crate) use error::ViewError;
-pub(crate) use picture::{Coloring, PictureOptions, draw_picture, render};
+pub(crate) use picture::{PictureOptions, draw_picture, png_path, render};
 pub(crate) use uniformity_map::{UniformityMap, WorstPlace};
 pub(crate) use viewer_sample::{ViewerPoint, ViewerSample};

@@ -1,4 +1,4 @@
-//! Figures of input and output square by square, for a map, and where the output is least
+//! Figures of input and output by squares of the plane, for a map; and where the output is least
 //! even.
 
 use std::collections::BTreeMap;
@@ -10,62 +10,64 @@ use crate::{
     tile::Spill,
 };
 
-/// Squares along the longer side of a map.
-const MOST_ALONG: i64 = 128;
-/// Points that a square must have for its δ to say anything.
-const ENOUGH: u64 = 30;
-/// Nearest distance that is usual in an even cloud, in spacings.
-const USUAL: f64 = 0.95;
-/// Places that are told.
-const WORST: usize = 6;
+/// The number of squares along the longer side of a map, at most.
+const MAX_SQUARES_ALONG: i64 = 128;
+/// The number of nearest distances that a square needs for a meaningful δ.
+const MIN_DISTANCES: u64 = 30;
+/// The usual nearest distance in an even cloud, in spacings.
+const USUAL_DISTANCE_IN_SPACINGS: f64 = 0.95;
+/// The number of places that are reported as least even.
+const WORST_PLACES: usize = 6;
 
-/// A grid of squares over the plane; those with points.
+/// A grid of squares over the plane with the figures of each square that contains points.
 #[derive(Clone, Debug)]
 pub(crate) struct UniformityMap {
-    /// Edge of a square, and the south-west corner of the first (stored units).
+    /// The edge of a square (stored units).
     edge: i64,
+    /// The south-west corner of the first square (stored units).
     corner: [i64; 2],
+    /// The squares by column and row, counted from the first square.
     squares: BTreeMap<[i64; 2], MapSquare>,
 }
 
-/// What is in a square.
+/// The figures of one square.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct MapSquare {
-    /// Points of the input.
+    /// The number of input points.
     pub(crate) input: u64,
-    /// Points of the output.
+    /// The number of output points.
     pub(crate) output: u64,
-    /// Nearest distances of the output (CRS units).
+    /// The nearest distances of the output points (CRS units).
     pub(crate) distances: DistanceSums,
-    /// Of the output's points the one whose nearest distance is least usual, and by how
-    /// much (spacings).
+    /// The output point whose nearest distance differs most from the usual one, after that
+    /// difference in spacings.
     oddest: Option<(f64, Stored)>,
 }
 
 /// A place where the output is less even than elsewhere.
 #[derive(Clone, Debug)]
 pub(crate) struct WorstPlace {
-    /// Where (world coordinates).
-    pub(crate) place: [f64; 3],
-    /// δ of the square around it.
+    /// The coordinates of its oddest point (world coordinates).
+    pub(crate) position: [f64; 3],
+    /// δ of the square that contains the point.
     pub(crate) delta: f64,
-    /// What it looks like.
+    /// The detail view around the point.
     pub(crate) detail: DetailView,
 }
 
 impl UniformityMap {
-    /// A field over the points of `spill`.
+    /// Makes a map over the points of `spill`, with their counts.
     pub(crate) fn of_input(spill: &Spill) -> Self {
         let bounds = spill.bounds();
-        let counting = spill.grid().square();
-        // Whole counting squares, so that none lies in two.
-        let times = (bounds.extent() / MOST_ALONG / counting + 1).max(1);
-        let edge = times * counting;
+        let counting_edge = spill.grid().square();
+        // A square consists of whole counting squares, so that no counting square lies in two.
+        let times = (bounds.extent() / MAX_SQUARES_ALONG / counting_edge + 1).max(1);
+        let edge = times * counting_edge;
         let first = |axis: usize| i64::from(bounds.min[axis]).div_euclid(edge);
         let corner = [first(0), first(1)];
         let mut squares = BTreeMap::<[i64; 2], MapSquare>::new();
-        for (place, points) in spill.squares() {
-            let square = [0, 1].map(|axis| place[axis].div_euclid(times) - corner[axis]);
+        for (counting_square, points) in spill.squares() {
+            let square = [0, 1].map(|axis| counting_square[axis].div_euclid(times) - corner[axis]);
             squares.entry(square).or_default().input += points;
         }
         Self {
@@ -75,49 +77,51 @@ impl UniformityMap {
         }
     }
 
-    /// Adds a point of the output, and how far the next one is, if one is near.
+    /// Adds a point of the output and the distance to the nearest other point (CRS units), if
+    /// there is one nearby.
     pub(crate) fn push(&mut self, point: Stored, nearest: Option<f64>, spacing: f64) {
-        let along = |c: i32, axis: usize| (i64::from(c) - self.corner[axis]).div_euclid(self.edge);
+        let index = |c: i32, axis: usize| (i64::from(c) - self.corner[axis]).div_euclid(self.edge);
         let square = self
             .squares
-            .entry([along(point.x, 0), along(point.y, 1)])
+            .entry([index(point.x, 0), index(point.y, 1)])
             .or_default();
         square.output += 1;
         let Some(distance) = nearest else {
             return;
         };
         square.distances.push(distance);
-        let odd = (distance / spacing - USUAL).abs();
+        let oddness = (distance / spacing - USUAL_DISTANCE_IN_SPACINGS).abs();
         if square
             .oddest
-            .is_none_or(|(most, known)| (odd, point) > (most, known))
+            .is_none_or(|(largest, known)| (oddness, point) > (largest, known))
         {
-            square.oddest = Some((odd, point));
+            square.oddest = Some((oddness, point));
         }
     }
 
-    /// Edge of a square, and the south-west corner of the first, in world coordinates.
-    pub(crate) fn ground(&self, quantization: &Quantization) -> (f64, [f64; 2]) {
+    /// Returns the edge of a square and the south-west corner of the first square, in world
+    /// coordinates.
+    pub(crate) fn edge_and_corner(&self, quantization: &Quantization) -> (f64, [f64; 2]) {
         let world =
             |axis: usize| quantization.offset[axis] + self.corner[axis] as f64 * quantization.scale;
         (self.edge as f64 * quantization.scale, [world(0), world(1)])
     }
 
-    /// The squares with points, by their place from the first: eastwards, northwards.
+    /// The squares that contain points, by column and row counted from the first square.
     pub(crate) fn squares(&self) -> impl Iterator<Item = ([i64; 2], &MapSquare)> {
-        self.squares.iter().map(|(&place, square)| (place, square))
+        self.squares.iter().map(|(&index, square)| (index, square))
     }
 
-    /// Where the output is least even: the oddest points of the squares of the largest δ.
-    pub(crate) fn worst(&self) -> Vec<(f64, Stored)> {
+    /// Returns δ and the oddest point of the squares with the largest δ, the largest first.
+    pub(crate) fn least_even_points(&self) -> Vec<(f64, Stored)> {
         let mut found: Vec<(f64, Stored)> = self
             .squares
             .values()
-            .filter(|square| square.distances.count >= ENOUGH)
+            .filter(|square| square.distances.count >= MIN_DISTANCES)
             .filter_map(|square| Some((square.distances.delta(), square.oddest?.1)))
             .collect();
         found.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        found.truncate(WORST);
+        found.truncate(WORST_PLACES);
         found
     }
 }

@@ -1,148 +1,119 @@
-//! A square cut out of scan and output, to be walked around.
+//! A square cut out of input and output, for the 3-D viewer.
 
 use rayon::prelude::*;
 
-use super::{ViewError, detail::CloudPair};
+use super::{cloud_pair::CloudPair, error::ViewError};
 use crate::{
     geometry::{NeighborGrid, Rect, Stored},
     las::DisplayAttributes,
 };
 
-/// A square of the plane with what stands on it, before and after. Lengths are CRS units,
-/// from the square's south-west corner and from its lowest point.
+/// A square of the plane with the points of input and output in it. Lengths are CRS units;
+/// coordinates are counted from the south-west corner of the square and from the lowest point.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ViewerSample {
-    /// Its side.
+    /// The side of the square.
     pub(crate) side: f64,
-    /// Its middle (world coordinates).
+    /// The middle of the square (world coordinates).
     pub(crate) middle: [f64; 2],
-    /// Spacing of the output.
+    /// The spacing of the output.
     pub(crate) spacing: f64,
-    /// Length of a step of the points' coordinates.
+    /// The length of one unit of [`ViewerPoint::position`].
     pub(crate) step: f64,
-    /// Between these heights lie all points but strays.
+    /// The heights between which all points lie except for strays.
     pub(crate) heights: [f64; 2],
-    /// Whether points have colour.
+    /// Whether points have a colour.
     pub(crate) has_color: bool,
-    /// Points of the input that lie here.
-    pub(crate) scanned: u64,
-    /// Of those all, or an even choice.
+    /// The number of input points in the square.
+    pub(crate) input_points: u64,
+    /// The points of the input, or a random sample of them.
     pub(crate) before: Vec<ViewerPoint>,
-    /// All points of the output.
+    /// The points of the output.
     pub(crate) after: Vec<ViewerPoint>,
-    /// West, south, east and north of the tiles that meet here.
+    /// The west, south, east and north borders of the tiles that meet in the square.
     pub(crate) borders: Vec<[f64; 4]>,
 }
 
-/// A point as it is shown.
+/// A point as the viewer shows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ViewerPoint {
-    /// Where, in steps.
-    pub(crate) place: [u16; 3],
+    /// The coordinates, in steps of [`ViewerSample::step`].
+    pub(crate) position: [u16; 3],
     /// Red, green and blue.
     pub(crate) color: [u8; 3],
-    /// Intensity, as a share of a strong one.
+    /// The intensity: 255 is the 99th percentile of the square, larger values are cut off.
     pub(crate) intensity: u8,
-    /// Class.
+    /// The class.
     pub(crate) class: u8,
-    /// Distance to the nearest point of the output, in 1/128 of a spacing; of an input
-    /// point nothing.
+    /// The distance to the nearest other point of the output, in 1/128 of a spacing; 0 for a point
+    /// of the input.
     pub(crate) distance: u8,
 }
 
-/// Points of the input that the square may hold, of the output, and of the input that are
-/// shown at the most.
-const MOST_INPUT: u64 = 1_200_000;
-const MOST_OUTPUT: f64 = 150_000.0;
-const MOST_SHOWN: u64 = 400_000;
-/// Half of the square's side at the least and at the most, in spacings.
-const HALF_SIDE: [f64; 2] = [12.0, 300.0];
-/// Of the heights, the share that is left out at either end: strays.
-const STRAY: f64 = 0.002;
-/// How far the next point is looked for, in spacings.
-const FARTHEST: f64 = 2.0;
+/// The expected number of input points that are shown, at most.
+const VIEWER_INPUT_POINTS: u64 = 400_000;
+/// The share of the heights that counts as strays at either end.
+const STRAY_HEIGHT_SHARE: f64 = 0.002;
+/// How far the nearest point is searched for, in spacings. A byte contains no larger distance.
+const FARTHEST_SHOWN_NEIGHBOR_IN_SPACINGS: f64 = 2.0;
+/// Units of [`ViewerPoint::distance`] in a spacing.
+const DISTANCE_UNITS_PER_SPACING: f64 = 128.0;
 
-/// A point of the lattice and what it looks like.
-type Seen = (Stored, DisplayAttributes);
+/// A point with its display attributes.
+type SeenPoint = (Stored, DisplayAttributes);
 
 impl CloudPair<'_> {
-    /// A square around a place where tiles meet, if any do, near the corner of `tile`;
-    /// nothing if it has no site.
+    /// Cuts out a square where tiles meet, if any do, near the corner of `tile`; the sample is
+    /// empty if the tile has no site.
+    ///
+    /// # Errors
+    ///
+    /// [`ViewError::Tile`] if a temporary file cannot be read.
     pub(crate) fn viewer_sample(&self, tile: u32) -> Result<ViewerSample, ViewError> {
-        let Some(middle) = self.at_corner(tile)? else {
+        let Some(square) = self.viewer_square(tile)? else {
             return Ok(ViewerSample::default());
         };
-        let half = self.half_side(middle);
-        let square = Rect {
-            min: middle.map(|c| c - half),
-            max: middle.map(|c| c + half),
-        };
-        let (scanned, before) = self.scanned(&square)?;
-        let wide = square.grown(self.quantization.units(FARTHEST * self.spacing));
-        let around = self.written(&wide)?;
-        let distances = self.nearest(&around);
-        let (after, distances): (Vec<Seen>, Vec<u8>) = around
+        let (input_points, before) = self.seen_input(&square)?;
+        // Nearest points may lie outside of the square.
+        let reach = FARTHEST_SHOWN_NEIGHBOR_IN_SPACINGS * self.spacing;
+        let around = self.seen_output(&square.grown(self.quantization.units(reach)))?;
+        let distances = self.nearest_distances(&around);
+        let (after, distances): (Vec<SeenPoint>, Vec<u8>) = around
             .into_iter()
             .zip(distances)
             .filter(|((point, _), _)| square.contains(*point))
             .unzip();
-        Ok(self.shown(&square, scanned, before, after, &distances))
-    }
-
-    /// The site of `tile` that is nearest to where most tiles meet it, or to its middle
-    /// if it is alone.
-    fn at_corner(&self, tile: u32) -> Result<Option<[i64; 2]>, ViewError> {
-        let tiles = &self.plan.tiles;
-        let Some(own) = tiles.iter().find(|known| known.id == tile) else {
-            return Ok(None);
+        let Some(frame) = Frame::of(square, &before, &after) else {
+            return Ok(ViewerSample::default());
         };
-        let Rect { min, max } = own.core;
-        let meeting = |corner: [i64; 2]| {
-            let at = Rect {
-                min: corner.map(|c| c - 1),
-                max: corner.map(|c| c + 1),
-            };
-            let others = tiles.iter().filter(|other| other.id != tile);
-            others.filter(|other| other.core.intersects(&at)).count()
-        };
-        let corners = [min, [max[0], min[1]], [min[0], max[1]], max];
-        let most = corners.into_iter().max_by_key(|&corner| meeting(corner));
-        let near = most.filter(|&corner| meeting(corner) > 0);
-        self.site_near(tile, near)
+        let scale = self.quantization.scale;
+        Ok(ViewerSample {
+            side: frame.side() as f64 * scale,
+            middle: [0, 1].map(|axis| {
+                let middle = square.min[axis] + frame.side() / 2;
+                self.quantization.offset[axis] + middle as f64 * scale
+            }),
+            spacing: self.spacing,
+            step: frame.step * scale,
+            heights: frame.heights.map(|height| height as f64 * scale),
+            has_color: frame.brightest > 0,
+            input_points,
+            before: sorted(before.iter().map(|seen| frame.show(seen, 0)).collect()),
+            after: sorted(
+                (after.iter().zip(distances))
+                    .map(|(seen, distance)| frame.show(seen, distance))
+                    .collect(),
+            ),
+            borders: self.borders(&square),
+        })
     }
 
-    /// Half of the side of the largest square around `middle` (stored units) that does not
-    /// hold too many points, by the counts of the spill.
-    fn half_side(&self, middle: [i64; 2]) -> i64 {
-        let [least, most] = HALF_SIDE.map(|half| self.quantization.units(half * self.spacing));
-        let grid = self.spill.grid();
-        let mut squares: Vec<(i64, u64)> = self
-            .spill
-            .squares()
-            .map(|(place, points)| {
-                let Rect { min, max } = grid.rect_of_square(place);
-                let beyond = |axis: usize| (max[axis] - middle[axis]).max(middle[axis] - min[axis]);
-                (beyond(0).max(beyond(1)), points)
-            })
-            .filter(|&(half, _)| half <= most)
-            .collect();
-        squares.sort_unstable();
-        let (mut points, mut largest) = (0, least);
-        for (half, more) in squares {
-            points += more;
-            if points > MOST_INPUT || points as f64 * self.sites_per_point > MOST_OUTPUT {
-                break;
-            }
-            largest = largest.max(half);
-        }
-        largest
-    }
-
-    /// How many points of the input lie in `square`, and those of them that are shown.
-    fn scanned(&self, square: &Rect) -> Result<(u64, Vec<Seen>), ViewError> {
-        let mut scanned = 0;
-        self.spill.gather(square, |_| scanned += 1)?;
-        let threshold = (u64::MAX / scanned.max(1)).saturating_mul(MOST_SHOWN);
+    /// Returns the number of input points in `square`, and those of a sample with equal inclusion
+    /// probabilities.
+    fn seen_input(&self, square: &Rect) -> Result<(u64, Vec<SeenPoint>), ViewError> {
+        let mut count = 0;
+        self.spill.gather(square, |_| count += 1)?;
+        let threshold = (u64::MAX / count.max(1)).saturating_mul(VIEWER_INPUT_POINTS);
         let mut seen = Vec::new();
         self.spill.gather(square, |record| {
             let point = Stored::of_record(record);
@@ -150,120 +121,127 @@ impl CloudPair<'_> {
                 seen.push((point, DisplayAttributes::of_record(record, self.has_color)));
             }
         })?;
-        Ok((scanned, seen))
+        Ok((count, seen))
     }
 
-    /// The points of the output in `square`.
-    fn written(&self, square: &Rect) -> Result<Vec<Seen>, ViewError> {
+    /// Returns the points of the output in `square`.
+    fn seen_output(&self, square: &Rect) -> Result<Vec<SeenPoint>, ViewError> {
         let mut seen = Vec::new();
-        // A site ends near its tile, not always in it.
-        let near = square.grown(self.quantization.units(FARTHEST * self.spacing));
-        for tile in self.plan.tiles.iter().filter(|t| t.core.intersects(&near)) {
-            let records = self.settled.records(tile.id)?;
-            for record in records.chunks_exact(self.record_length) {
-                let point = Stored::of_record(record);
-                if square.contains(point) {
-                    seen.push((point, DisplayAttributes::of_record(record, self.has_color)));
-                }
-            }
-        }
+        let reach = FARTHEST_SHOWN_NEIGHBOR_IN_SPACINGS * self.spacing;
+        self.gather_output(square, self.quantization.units(reach), |point, record| {
+            seen.push((point, DisplayAttributes::of_record(record, self.has_color)));
+        })?;
         Ok(seen)
     }
 
-    /// Distance of each point to the nearest other one, as it is shown.
-    fn nearest(&self, points: &[Seen]) -> Vec<u8> {
-        let places: Vec<_> = points
+    /// Returns the distance of each point to the nearest other one, in the units of
+    /// [`ViewerPoint::distance`].
+    fn nearest_distances(&self, points: &[SeenPoint]) -> Vec<u8> {
+        let positions: Vec<_> = points
             .iter()
             .map(|(p, _)| self.quantization.local(*p))
             .collect();
-        let grid = NeighborGrid::new(&places, self.spacing);
-        (0..places.len())
+        let grid = NeighborGrid::new(&positions, self.spacing);
+        let reach = FARTHEST_SHOWN_NEIGHBOR_IN_SPACINGS * self.spacing;
+        (0..positions.len())
             .into_par_iter()
             .map(|index| {
                 let is_own = |other: u32| other as usize == index;
-                let near = grid.nearest(places[index], FARTHEST * self.spacing, is_own);
-                let squared = near.map_or(f64::INFINITY, |(_, squared)| squared);
-                // `as` saturates.
-                (128.0 * squared.sqrt() / self.spacing) as u8
+                let nearest = grid.nearest(positions[index], reach, is_own);
+                let distance_squared = nearest.map_or(f64::INFINITY, |(_, squared)| squared);
+                // `as` saturates, so that a point alone gets the largest distance.
+                (DISTANCE_UNITS_PER_SPACING * distance_squared.sqrt() / self.spacing) as u8
             })
             .collect()
     }
 
-    fn shown(
-        &self,
-        square: &Rect,
-        scanned: u64,
-        before: Vec<Seen>,
-        after: Vec<Seen>,
-        distances: &[u8],
-    ) -> ViewerSample {
-        let scale = self.quantization.scale;
-        let all = || before.iter().chain(&after);
+    /// Returns the borders of the tiles that intersect `square`, cut off at its sides.
+    fn borders(&self, square: &Rect) -> Vec<[f64; 4]> {
+        let side = square.max[0] - square.min[0];
+        let inside = |axis: usize, c: i64| {
+            (c - square.min[axis]).clamp(0, side) as f64 * self.quantization.scale
+        };
+        let meeting = self.plan.tiles.iter().filter(|t| t.core.intersects(square));
+        meeting
+            .map(|tile| {
+                let Rect { min, max } = tile.core;
+                [
+                    inside(0, min[0]),
+                    inside(1, min[1]),
+                    inside(0, max[0]),
+                    inside(1, max[1]),
+                ]
+            })
+            .collect()
+    }
+}
+
+/// The ranges that the values of points are shown in. Lengths are stored units.
+struct Frame {
+    square: Rect,
+    /// The height of the lowest point.
+    lowest: i32,
+    /// The heights above the lowest point between which all points lie except for strays.
+    heights: [i64; 2],
+    /// The length of one unit of [`ViewerPoint::position`].
+    step: f64,
+    /// The intensity that is shown as 255.
+    strong_intensity: f64,
+    /// The largest value of a colour.
+    brightest: u16,
+}
+
+impl Frame {
+    /// Computes the ranges of the points in `square`; `None` if there are none.
+    fn of(square: Rect, before: &[SeenPoint], after: &[SeenPoint]) -> Option<Self> {
+        let all = || before.iter().chain(after);
         let mut heights: Vec<i32> = all().map(|(point, _)| point.z).collect();
         heights.par_sort_unstable();
-        let [Some(&lowest), Some(&highest)] = [heights.first(), heights.last()] else {
-            return ViewerSample::default();
-        };
-        let stray = (STRAY * heights.len() as f64) as usize;
-        let usual = [heights[stray], heights[heights.len() - 1 - stray]];
+        let (&lowest, &highest) = (heights.first()?, heights.last()?);
+        let strays = (STRAY_HEIGHT_SHARE * heights.len() as f64) as usize;
+        let usual = [heights[strays], heights[heights.len() - 1 - strays]];
         let above = |height: i32| i64::from(height) - i64::from(lowest);
         let side = square.max[0] - square.min[0];
-        let step = side.max(above(highest)) as f64 / f64::from(u16::MAX);
-        let mut intensities: Vec<u16> = all().map(|(_, looks)| looks.intensity).collect();
+        let mut intensities: Vec<u16> = all().map(|(_, attributes)| attributes.intensity).collect();
         let high = intensities.len() * 99 / 100;
-        let strong = f64::from((*intensities.select_nth_unstable(high).1).max(1));
-        let brightest = all()
-            .map(|(_, looks)| looks.brightness())
-            .max()
-            .unwrap_or(0);
-        let show = |(point, looks): &Seen, distance: u8| ViewerPoint {
-            place: [
-                i64::from(point.x) - square.min[0],
-                i64::from(point.y) - square.min[1],
-                above(point.z),
+        let strong = *intensities.select_nth_unstable(high).1;
+        let brightness = all().map(|(_, attributes)| attributes.brightness());
+        Some(Self {
+            square,
+            lowest,
+            heights: usual.map(above),
+            step: side.max(above(highest)) as f64 / f64::from(u16::MAX),
+            strong_intensity: f64::from(strong.max(1)),
+            brightest: brightness.max().unwrap_or(0),
+        })
+    }
+
+    fn side(&self) -> i64 {
+        self.square.max[0] - self.square.min[0]
+    }
+
+    /// Converts a point, whose nearest `distance` is given, to what the viewer shows.
+    fn show(&self, (point, attributes): &SeenPoint, distance: u8) -> ViewerPoint {
+        ViewerPoint {
+            position: [
+                i64::from(point.x) - self.square.min[0],
+                i64::from(point.y) - self.square.min[1],
+                i64::from(point.z) - i64::from(self.lowest),
             ]
-            .map(|c| (c as f64 / step).round() as u16),
-            color: looks.color_in_bytes(brightest),
-            intensity: (255.0 * f64::from(looks.intensity) / strong) as u8,
-            class: looks.class,
+            .map(|c| (c as f64 / self.step).round() as u16),
+            color: attributes.color_in_bytes(self.brightest),
+            intensity: (255.0 * f64::from(attributes.intensity) / self.strong_intensity) as u8,
+            class: attributes.class,
             distance,
-        };
-        let sorted = |mut points: Vec<ViewerPoint>| {
-            // Neighbours together: what is alike is packed well.
-            points.par_sort_unstable_by_key(|shown| {
-                let [x, y, z] = shown.place;
-                (x >> 10, y >> 10, z >> 7, x, y, z)
-            });
-            points
-        };
-        let world = |axis: usize, c: i64| self.quantization.offset[axis] + c as f64 * scale;
-        let inside = |axis: usize, c: i64| (c - square.min[axis]).clamp(0, side) as f64 * scale;
-        let meet = self.plan.tiles.iter().filter(|t| t.core.intersects(square));
-        ViewerSample {
-            side: side as f64 * scale,
-            middle: [0, 1].map(|axis| world(axis, square.min[axis] + side / 2)),
-            spacing: self.spacing,
-            step: step * scale,
-            heights: usual.map(|height| above(height) as f64 * scale),
-            has_color: brightest > 0,
-            scanned,
-            before: sorted(before.iter().map(|seen| show(seen, 0)).collect()),
-            after: sorted(
-                (after.iter().zip(distances))
-                    .map(|(seen, &distance)| show(seen, distance))
-                    .collect(),
-            ),
-            borders: meet
-                .map(|tile| {
-                    let Rect { min, max } = tile.core;
-                    [
-                        inside(0, min[0]),
-                        inside(1, min[1]),
-                        inside(0, max[0]),
-                        inside(1, max[1]),
-                    ]
-                })
-                .collect(),
         }
     }
+}
+
+/// Sorts `points` by blocks of space: neighbours have similar values, and are compressed well.
+fn sorted(mut points: Vec<ViewerPoint>) -> Vec<ViewerPoint> {
+    points.par_sort_unstable_by_key(|shown| {
+        let [x, y, z] = shown.position;
+        (x >> 10, y >> 10, z >> 7, x, y, z)
+    });
+    points
 }

@@ -50,18 +50,21 @@ impl ResultViews {
             points,
             cloud.has_color,
             cloud.quantization,
-            &|draw| cloud.visit(draw),
+            &|draw| cloud.visit_output(draw),
         )?;
-        let worst = uniformity_map.worst().into_iter().map(|(delta, point)| {
-            Ok(WorstPlace {
-                place: cloud.quantization.world(point),
-                delta,
-                detail: cloud.around([point.x.into(), point.y.into()])?,
-            })
-        });
+        let worst = uniformity_map
+            .least_even_points()
+            .into_iter()
+            .map(|(delta, point)| {
+                Ok(WorstPlace {
+                    position: cloud.quantization.world(point),
+                    delta,
+                    detail: cloud.detail_around([point.x.into(), point.y.into()])?,
+                })
+            });
         let worst = worst.collect::<Result<Vec<WorstPlace>, JobError>>()?;
         Ok(Self {
-            detail: cloud.at_middle(tile)?,
+            detail: cloud.detail_in_middle_of(tile)?,
             viewer_sample: cloud.viewer_sample(tile)?,
             overview,
             uniformity_map,
