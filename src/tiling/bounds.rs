@@ -2,16 +2,17 @@
 
 use crate::geometry::Stored;
 
-/// The true bounds of the points, in stored units; inverted if there are none.
+/// The bounding box of points in stored units; `min` exceeds `max` if there is no point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Bounds {
-    /// Smallest coordinates.
+    /// The least x, y and z.
     pub(crate) min: [i32; 3],
-    /// Largest coordinates.
+    /// The largest x, y and z.
     pub(crate) max: [i32; 3],
 }
 
 impl Bounds {
+    /// The box of no point.
     pub(crate) fn empty() -> Self {
         Self {
             min: [i32::MAX; 3],
@@ -19,6 +20,7 @@ impl Bounds {
         }
     }
 
+    /// Extends the box to `point`.
     pub(crate) fn grow(&mut self, point: Stored) {
         let point = [point.x, point.y, point.z];
         self.join(&Self {
@@ -27,6 +29,7 @@ impl Bounds {
         });
     }
 
+    /// Extends the box to that of other points.
     pub(crate) fn join(&mut self, other: &Self) {
         for axis in 0..3 {
             self.min[axis] = self.min[axis].min(other.min[axis]);
@@ -34,7 +37,7 @@ impl Bounds {
         }
     }
 
-    /// The longest side in stored units; 0 if there are no points.
+    /// The longest side in stored units; 0 if there is no point.
     pub(crate) fn extent(&self) -> i64 {
         (0..3)
             .map(|axis| i64::from(self.max[axis]) - i64::from(self.min[axis]))

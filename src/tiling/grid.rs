@@ -1,7 +1,7 @@
 //! Cells of the plane, to spill points by; counting squares, to plan by.
 //!
-//! Both are anchored at the origin of the stored coordinates, and decided by
-//! integer arithmetic: a point has one cell, on an edge as elsewhere.
+//! Cells and squares are anchored at the origin of the stored coordinates and decided by integer
+//! arithmetic, so that every point has exactly one of each, on an edge as elsewhere.
 
 use crate::geometry::{Rect, Stored};
 
@@ -12,21 +12,21 @@ pub(crate) const SQUARES_PER_CELL_EDGE: i64 = 8;
 /// cells depends on the points alone, and not on their order, so does the grid.
 pub(crate) const MAX_OCCUPIED_CELLS: usize = 8192;
 
-/// Cells along the longer side of what the headers claim, if usual ones are too wide
-/// for as many.
-const CELLS_ALONG: i64 = 16;
+/// Cells along the longer side of the claimed extent at the least: where cells of the usual width are fewer,
+/// the grid begins finer.
+const MIN_CELLS_ALONG_EXTENT: i64 = 16;
 
-/// A cell, by its place in the grid.
+/// The row and the column of a cell in the grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) struct CellKey {
-    /// Counted northwards.
+    /// The row, counted northwards from the origin.
     pub(crate) row: i32,
-    /// Counted eastwards.
+    /// The column, counted eastwards from the origin.
     pub(crate) column: i32,
 }
 
 impl CellKey {
-    /// The cell of the grid twice as coarse that holds this one.
+    /// The cell that contains this one in the grid that is twice as coarse.
     pub(crate) fn parent(self) -> Self {
         Self {
             row: self.row.div_euclid(2),
@@ -42,8 +42,7 @@ pub struct CellGrid {
 }
 
 impl CellGrid {
-    /// Cells at least `edge` wide (stored units), rounded up to whole counting
-    /// squares.
+    /// A grid of cells of `edge` (stored units), rounded up to whole counting squares.
     pub fn new(edge: i64) -> Self {
         // At most 2²⁹, so that doubling an edge is far from overflow.
         let squares = edge
@@ -55,15 +54,14 @@ impl CellGrid {
         }
     }
 
-    /// A grid to begin with, for a scan said to be `extent` wide, with cells of `usual`
-    /// width or less (stored units). What is said is a hint: a grid that turns out to
-    /// have too many cells is made coarser, one too coarse cannot be made finer, and
-    /// a single stray point makes an extent of anything.
+    /// A grid to begin with, for a scan whose header claims to be `extent` wide, with cells of `usual` width or
+    /// less (stored units). The claim is a hint only, because a single stray point makes any extent: a grid
+    /// with too many cells is made coarser later, and one that is too coarse cannot be made finer.
     pub(crate) fn for_extent(extent: i64, usual: i64) -> Self {
-        Self::new((extent / CELLS_ALONG).min(usual))
+        Self::new((extent / MIN_CELLS_ALONG_EXTENT).min(usual))
     }
 
-    /// The grid that a run begins with whose points are said to lie within `extent` (CRS units) along the
+    /// The grid that a run begins with, whose points are claimed to lie within `extent` (CRS units) along the
     /// longer horizontal side, at `scale` CRS units to a stored unit: cells are one CRS unit wide, or
     /// narrower.
     pub(crate) fn for_run(extent: f64, scale: f64) -> Self {
@@ -71,19 +69,20 @@ impl CellGrid {
         Self::for_extent((extent / scale) as i64, (1.0 / scale).ceil() as i64)
     }
 
-    /// The grid of cells twice as wide, each of four of these.
+    /// The grid of cells that are twice as wide, each made of four cells of this grid.
     pub(crate) fn coarser(&self) -> Self {
         Self::new(2 * self.edge)
     }
 
-    /// The place, in the cell's parent, of the square at `place` of `cell`.
-    pub(crate) fn square_in_parent(cell: CellKey, place: usize) -> usize {
+    /// The index, within the parent of `cell`, of the square with index `square` of `cell`; squares of a cell
+    /// are counted row by row.
+    pub(crate) fn square_in_parent(cell: CellKey, square: usize) -> usize {
         let along = |cell: i32, square: usize| {
             let square = i64::from(cell) * SQUARES_PER_CELL_EDGE + square as i64;
             square.div_euclid(2).rem_euclid(SQUARES_PER_CELL_EDGE) as usize
         };
         let side = SQUARES_PER_CELL_EDGE as usize;
-        along(cell.row, place / side) * side + along(cell.column, place % side)
+        along(cell.row, square / side) * side + along(cell.column, square % side)
     }
 
     /// Edge of a cell in stored units.
@@ -96,37 +95,37 @@ impl CellGrid {
         self.edge / SQUARES_PER_CELL_EDGE
     }
 
-    /// The one cell that holds `point`.
+    /// The cell that contains `point`.
     pub(crate) fn cell(&self, point: Stored) -> CellKey {
-        let place = |c: i32| i64::from(c).div_euclid(self.edge) as i32;
+        let index = |c: i32| i64::from(c).div_euclid(self.edge) as i32;
         CellKey {
-            row: place(point.y),
-            column: place(point.x),
+            row: index(point.y),
+            column: index(point.x),
         }
     }
 
-    /// The counting square of `point` within its cell.
+    /// The index of the counting square of `point` within its cell, row by row.
     pub(crate) fn square_in_cell(&self, point: Stored) -> usize {
-        let place = |c: i32| i64::from(c).rem_euclid(self.edge) / self.square();
-        (place(point.y) * SQUARES_PER_CELL_EDGE + place(point.x)) as usize
+        let index = |c: i32| i64::from(c).rem_euclid(self.edge) / self.square();
+        (index(point.y) * SQUARES_PER_CELL_EDGE + index(point.x)) as usize
     }
 
-    /// The counting square of `point`, by its place in units of squares.
+    /// The index of the counting square of `point`: its south-west corner in units of squares.
     pub(crate) fn square_of(&self, point: Stored) -> [i64; 2] {
         [point.x, point.y].map(|c| i64::from(c).div_euclid(self.square()))
     }
 
-    /// The part of the plane that the counting square at `place` covers.
-    pub(crate) fn rect_of_square(&self, place: [i64; 2]) -> Rect {
+    /// The part of the plane that the counting square `index` covers.
+    pub(crate) fn rect_of_square(&self, index: [i64; 2]) -> Rect {
         Rect {
-            min: place.map(|c| c * self.square()),
-            max: place.map(|c| (c + 1) * self.square()),
+            min: index.map(|c| c * self.square()),
+            max: index.map(|c| (c + 1) * self.square()),
         }
     }
 
-    /// The cell that the counting square at `place` is a part of.
-    pub(crate) fn cell_of_square(&self, place: [i64; 2]) -> CellKey {
-        let [column, row] = place.map(|c| c.div_euclid(SQUARES_PER_CELL_EDGE) as i32);
+    /// The cell that the counting square `index` is a part of.
+    pub(crate) fn cell_of_square(&self, index: [i64; 2]) -> CellKey {
+        let [column, row] = index.map(|c| c.div_euclid(SQUARES_PER_CELL_EDGE) as i32);
         CellKey { row, column }
     }
 

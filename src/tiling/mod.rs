@@ -12,6 +12,7 @@ mod bounds;
 mod cloud;
 mod grid;
 mod plan;
+mod square_sums;
 
 pub(crate) use bounds::Bounds;
 pub(crate) use cloud::{CloudInMemory, CountedCloud};

@@ -1,86 +1,84 @@
-//! Tiles that fit the budget, from true counts.
+//! Tiles that fit the memory budget, from true counts.
 //!
-//! The plane is cut in two, again and again, along the borders of counting
-//! squares, until what a tile sees (core and halo) costs no more than it may. A
-//! long street so becomes a row of tiles, a dense junction several small ones. Cuts
-//! that make neighbours see the same places twice are costly: of the cuts tried the
-//! one that leads to the fewest tiles is taken, and of those the one that makes least be
-//! seen, evenly shared.
-
-use std::ops::Range;
+//! The plane is cut in two, recursively, along the borders of counting squares, until the cost of what a
+//! tile sees (core and halo) is within a limit. A long street so becomes a row of tiles, a dense junction
+//! several small ones. Cuts that make neighbours see the same squares twice are costly: of the cuts that are
+//! tried the one is taken that leads to the fewest tiles, and of those the one with the least sum of what
+//! both parts see, evenly shared.
 
 use serde::{Deserialize, Serialize};
 
+use super::square_sums::{SquareSums, sum_between};
 use crate::geometry::Rect;
 
-/// Cuts tried along each axis.
-const CUTS: i64 = 15;
-/// A part with less than this share of the cost is a sliver: nearly all that
-/// it reads and solves is its neighbours'.
-const SLIVER: u64 = 4;
+/// Cuts that are tried along each axis.
+const MAX_CUTS_PER_AXIS: i64 = 15;
+/// A part with less than this share (1 / n) of the cost is a sliver: nearly all that it reads and solves is
+/// its neighbours'.
+const SLIVER_SHARE: u64 = 4;
 
 /// What tiles must fit. Lengths are stored units.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PlanOptions {
-    /// What a tile sees around its core.
+    /// Width of what a tile sees around its core.
     pub(crate) halo: i64,
-    /// Every place this near to a point must be at home in a tile.
+    /// Every position that is this near to a point is at home in a tile.
     pub(crate) margin: i64,
-    /// Edge of square tiles; `None`: by the number of points.
+    /// Edge of square tiles; with `None` tiles are cut by their cost.
     pub(crate) tile_edge: Option<i64>,
-    /// What a tile may cost, in the unit of the squares' costs.
+    /// Limit of the cost of a tile, in the unit of the squares' costs.
     pub(crate) most_cost: u64,
 }
 
 /// An occupied counting square.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Square {
-    /// Its south-west corner, in units of squares.
-    pub(crate) place: [i64; 2],
-    /// Points in it.
+    /// The south-west corner in units of squares, eastwards and northwards.
+    pub(crate) index: [i64; 2],
+    /// Number of points in the square.
     pub(crate) points: u64,
-    /// What it costs a tile to see it.
+    /// The cost of a tile for seeing the square.
     pub(crate) cost: u64,
 }
 
 /// A part of the plane that is solved alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Tile {
-    /// Its place in the plan.
+    /// The position of the tile in the plan.
     pub(crate) id: u32,
-    /// What is at home in it (stored units).
+    /// The rectangle whose points are at home in the tile (stored units).
     pub(crate) core: Rect,
-    /// Points in the core.
+    /// Number of points in the core.
     pub(crate) points_core: u64,
-    /// Points in core and halo, at most.
+    /// Number of points in core and halo, at most.
     pub(crate) points_seen: u64,
-    /// What core and halo cost, at most.
+    /// Cost of core and halo, at most.
     pub(crate) cost: u64,
 }
 
 /// All tiles of a job: every point is at home in exactly one.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Plan {
-    /// What a tile sees around its core (stored units).
+    /// Width of what a tile sees around its core (stored units).
     pub(crate) halo: i64,
-    /// The tiles, neighbours in the plane near each other in the list.
+    /// The tiles; neighbours in the plane are near each other in the list.
     pub(crate) tiles: Vec<Tile>,
 }
 
 impl Plan {
     /// Plans tiles over the occupied `squares`, each of edge `square` (stored units).
     ///
-    /// A tile of a single square is taken whatever it costs, and so is one of a fixed
-    /// size: whether they fit is to be seen by [`most_cost`](Self::most_cost).
+    /// A tile of a single square is taken whatever its cost, and so is a tile of a fixed size: the caller
+    /// compares [`most_cost`](Self::most_cost) with the limit.
     pub(crate) fn make(squares: &[Square], square: i64, options: &PlanOptions) -> Self {
-        let points = Sums::new(squares.iter().map(|s| (s.place, s.points)), square);
-        let costs = Sums::new(squares.iter().map(|s| (s.place, s.cost)), square);
+        let points = SquareSums::new(squares.iter().map(|s| (s.index, s.points)), square);
+        let costs = SquareSums::new(squares.iter().map(|s| (s.index, s.cost)), square);
         let mut cores = Vec::new();
         if let Some(bounds) = points.bounds() {
             match options.tile_edge {
                 Some(edge) => cores = equal_tiles(&points, bounds, options, edge),
                 None => {
-                    let bounds = points.grown(bounds, options.margin);
+                    let bounds = points.dilated(bounds, options.margin);
                     split(&points, &costs, bounds, options, &mut cores);
                 }
             }
@@ -109,8 +107,8 @@ impl Plan {
         options: &PlanOptions,
     ) -> Self {
         let squares: Vec<Square> = counts
-            .map(|(place, points)| Square {
-                place,
+            .map(|(index, points)| Square {
+                index,
                 points,
                 cost: points,
             })
@@ -118,167 +116,19 @@ impl Plan {
         Self::make(&squares, square, options)
     }
 
-    /// What the costliest tile costs.
+    /// The cost of the costliest tile.
     pub(crate) fn most_cost(&self) -> u64 {
         self.tiles.iter().map(|t| t.cost).max().unwrap_or(0)
     }
 }
 
-/// Numbers by counting square: columns and rows of running sums, so that a rectangle costs
-/// two searches a line and an empty city block nothing.
-struct Sums {
-    square: i64,
-    /// The columns, and the rows.
-    lines: [Lines; 2],
-}
-
-/// All columns or all rows that hold squares.
-struct Lines {
-    /// The place of each, and where its squares end in `squares`.
-    ends: Vec<(i64, usize)>,
-    /// Line by line the places of the squares along it, each with the sum up to it.
-    squares: Vec<(i64, u64)>,
-}
-
-impl Lines {
-    fn place(&self, line: usize) -> i64 {
-        self.ends[line].0
-    }
-
-    fn squares(&self, line: usize) -> &[(i64, u64)] {
-        let start = if line == 0 { 0 } else { self.ends[line - 1].1 };
-        &self.squares[start..self.ends[line].1]
-    }
-}
-
-/// The sum from one place to another, both included, by sums up to places in their order.
-fn between(sums: &[(i64, u64)], [low, high]: [i64; 2]) -> u64 {
-    let up_to = |place: i64| match sums.partition_point(|s| s.0 <= place) {
-        0 => 0,
-        n => sums[n - 1].1,
-    };
-    up_to(high) - up_to(low - 1)
-}
-
-impl Sums {
-    fn new(squares: impl Iterator<Item = ([i64; 2], u64)>, square: i64) -> Self {
-        let mut squares: Vec<([i64; 2], u64)> = squares.collect();
-        let lines = [0, 1].map(|axis| {
-            squares.sort_unstable_by_key(|(place, _)| [place[axis], place[1 - axis]]);
-            let mut ends: Vec<(i64, usize)> = Vec::new();
-            let (mut sums, mut sum) = (Vec::with_capacity(squares.len()), 0);
-            for (place, count) in &squares {
-                if ends.last().is_none_or(|last| last.0 != place[axis]) {
-                    ends.push((place[axis], 0));
-                    sum = 0;
-                }
-                sum += count;
-                sums.push((place[1 - axis], sum));
-                if let Some(last) = ends.last_mut() {
-                    last.1 = sums.len();
-                }
-            }
-            Lines {
-                ends,
-                squares: sums,
-            }
-        });
-        Self { square, lines }
-    }
-
-    /// The smallest rectangle of whole squares around all points.
-    fn bounds(&self) -> Option<Rect> {
-        let ends = [0, 1].map(|axis| {
-            let ends = &self.lines[axis].ends;
-            Some((ends.first()?.0, ends.last()?.0 + 1))
-        });
-        let [(west, east), (south, north)] = [ends[0]?, ends[1]?];
-        Some(Rect {
-            min: [west, south].map(|c| c * self.square),
-            max: [east, north].map(|c| c * self.square),
-        })
-    }
-
-    /// `rect` and the whole squares within `margin` around it.
-    fn grown(&self, rect: Rect, margin: i64) -> Rect {
-        rect.grown((margin + self.square - 1) / self.square * self.square)
-    }
-
-    /// The first and the last square that stored coordinates from `from` on touch that are less
-    /// than `to`.
-    fn touched(&self, from: i64, to: i64) -> [i64; 2] {
-        [from, to - 1].map(|c| c.div_euclid(self.square))
-    }
-
-    /// The columns that `rect` touches or, for axis 1, the rows.
-    fn touched_lines(&self, rect: &Rect, axis: usize) -> Range<usize> {
-        let [low, high] = self.touched(rect.min[axis], rect.max[axis]);
-        let ends = &self.lines[axis].ends;
-        let first = ends.partition_point(|(place, _)| *place < low);
-        first..ends.partition_point(|(place, _)| *place <= high).max(first)
-    }
-
-    /// The same, and the first and the last square of each that `rect` touches, for the axis
-    /// along which it touches fewer.
-    fn fewest_lines(&self, rect: &Rect) -> (usize, Range<usize>, [i64; 2]) {
-        let [columns, rows] = [0, 1].map(|axis| self.touched_lines(rect, axis));
-        let (axis, lines) = match rows.len() < columns.len() {
-            true => (1, rows),
-            false => (0, columns),
-        };
-        let across = self.touched(rect.min[1 - axis], rect.max[1 - axis]);
-        (axis, lines, across)
-    }
-
-    /// The sum over the squares that `rect` touches.
-    fn touching(&self, rect: &Rect) -> u64 {
-        let (axis, lines, across) = self.fewest_lines(rect);
-        lines
-            .map(|line| between(self.lines[axis].squares(line), across))
-            .sum()
-    }
-
-    /// Sums up to the columns that `rect` touches or, for axis 1, the rows, over the squares
-    /// that it touches.
-    fn profile(&self, rect: &Rect, axis: usize) -> Vec<(i64, u64)> {
-        let rect = self.shrunk(rect);
-        let across = self.touched(rect.min[1 - axis], rect.max[1 - axis]);
-        let lines = &self.lines[axis];
-        let mut sum = 0;
-        self.touched_lines(&rect, axis)
-            .map(|line| {
-                sum += between(lines.squares(line), across);
-                (lines.place(line), sum)
-            })
-            .collect()
-    }
-
-    /// `rect` without what is empty before and behind its squares: a tile of a street that
-    /// runs at an angle may be a few squares wide and thousands long.
-    fn shrunk(&self, rect: &Rect) -> Rect {
-        let (axis, lines, [low, high]) = self.fewest_lines(rect);
-        let ends = lines.filter_map(|line| {
-            let squares = self.lines[axis].squares(line);
-            let first = squares.partition_point(|s| s.0 < low);
-            let end = squares.partition_point(|s| s.0 <= high);
-            (first < end).then(|| [squares[first].0, squares[end - 1].0])
-        });
-        let ends = ends.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
-        let mut shrunk = *rect;
-        if let Some([first, last]) = ends {
-            shrunk.min[1 - axis] = rect.min[1 - axis].max(first * self.square);
-            shrunk.max[1 - axis] = rect.max[1 - axis].min((last + 1) * self.square);
-        }
-        shrunk
-    }
-}
-
-fn equal_tiles(counts: &Sums, bounds: Rect, options: &PlanOptions, edge: i64) -> Vec<Rect> {
-    let bounds = counts.grown(bounds, options.margin);
+/// The cores of equal square tiles of `edge` (stored units) that have points within the margin.
+fn equal_tiles(counts: &SquareSums, bounds: Rect, options: &PlanOptions, edge: i64) -> Vec<Rect> {
+    let bounds = counts.dilated(bounds, options.margin);
     let is_wanted = |rect: &Rect| counts.touching(&rect.grown(options.margin)) > 0;
     // Whole counting squares, so that counts are exact; anchored at the origin,
     // so that the tiling does not depend on the extent.
-    let edge = (edge + counts.square - 1) / counts.square * counts.square;
+    let edge = (edge + counts.edge() - 1) / counts.edge() * counts.edge();
     let first = bounds.min.map(|c| c.div_euclid(edge));
     let last = bounds.max.map(|c| (c - 1).div_euclid(edge));
     let mut cores = Vec::new();
@@ -303,7 +153,15 @@ fn equal_tiles(counts: &Sums, bounds: Rect, options: &PlanOptions, edge: i64) ->
     cores
 }
 
-fn split(points: &Sums, costs: &Sums, core: Rect, options: &PlanOptions, cores: &mut Vec<Rect>) {
+/// Cuts `core` in two, recursively, until the cost of each part with its halo is within the limit, and appends
+/// the parts that have points within the margin to `cores`.
+fn split(
+    points: &SquareSums,
+    costs: &SquareSums,
+    core: Rect,
+    options: &PlanOptions,
+    cores: &mut Vec<Rect>,
+) {
     if points.touching(&core.grown(options.margin)) == 0 {
         return;
     }
@@ -323,21 +181,22 @@ fn split(points: &Sums, costs: &Sums, core: Rect, options: &PlanOptions, cores: 
     }
 }
 
-/// Of cuts along both axes the one that leads to the fewest tiles, and whose parts cost
-/// least, evenly, and neither of which is a sliver if that can be; none of a single square.
-fn best_cut(costs: &Sums, core: Rect, options: &PlanOptions) -> Option<[Rect; 2]> {
+/// The best cut of `core` along either axis, by three criteria in this order: neither part is a sliver, the
+/// parts lead to the fewest tiles, the cost of what both see is least and evenly shared. A single square is
+/// not cut.
+fn best_cut(costs: &SquareSums, core: Rect, options: &PlanOptions) -> Option<[Rect; 2]> {
     let halo = options.halo;
     let mut best: Option<((bool, u64, u64), [Rect; 2])> = None;
-    let sliver = costs.touching(&core) / SLIVER;
+    let sliver = costs.touching(&core) / SLIVER_SHARE;
     let whole = costs.touching(&core.grown(halo));
     for axis in 0..2 {
-        // Parts and what they see differ along this axis alone.
+        // The parts, and what they see, differ along this axis alone.
         let own = costs.profile(&core, axis);
         let seen = costs.profile(&core.grown(halo), axis);
-        let squares = (core.max[axis] - core.min[axis]) / costs.square;
-        let cuts = CUTS.min(squares - 1);
+        let squares = (core.max[axis] - core.min[axis]) / costs.edge();
+        let cuts = MAX_CUTS_PER_AXIS.min(squares - 1);
         for cut in 1..=cuts {
-            let at = core.min[axis] + squares * cut / (cuts + 1) * costs.square;
+            let at = core.min[axis] + squares * cut / (cuts + 1) * costs.edge();
             if at <= core.min[axis] || at >= core.max[axis] {
                 continue;
             }
@@ -347,11 +206,11 @@ fn best_cut(costs: &Sums, core: Rect, options: &PlanOptions) -> Option<[Rect; 2]
             let within = |part: Rect, margin| {
                 costs.touched(part.min[axis] - margin, part.max[axis] + margin)
             };
-            let costs_of = parts.map(|part| between(&own, within(part, 0)));
+            let costs_of = parts.map(|part| sum_between(&own, within(part, 0)));
             let is_sliver = costs_of.iter().any(|&cost| cost < sliver);
             let [near, far] = [0, 1].map(|side| match costs_of[side] {
                 0 => 0,
-                _ => between(&seen, within(parts[side], halo)),
+                _ => sum_between(&seen, within(parts[side], halo)),
             });
             let twice = (near + far).saturating_sub(whole);
             let tiles = [near, far].map(|seen| tiles_of(seen, twice, options.most_cost));
@@ -368,10 +227,10 @@ fn best_cut(costs: &Sums, core: Rect, options: &PlanOptions) -> Option<[Rect; 2]
     best.map(|(_, parts)| parts)
 }
 
-/// Tiles, about, that a part is cut into which costs `seen`, where each cut makes `twice` be
-/// seen by both sides.
+/// Approximate number of tiles that a part of cost `seen` is cut into, where each cut makes both sides see
+/// squares of cost `twice`.
 fn tiles_of(seen: u64, twice: u64, most: u64) -> u64 {
-    // Where halos are all that is seen, cuts hardly help, and all are alike.
+    // Where a tile sees hardly more than its halo, cuts hardly help, and all are alike.
     let twice = twice.min(most / 2);
     seen.saturating_sub(twice)
         .div_ceil((most - twice).max(1))
@@ -383,14 +242,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-
-    fn counts(squares: &[([i64; 2], u64)], square: i64) -> Sums {
-        let mut merged = std::collections::BTreeMap::new();
-        for &(place, count) in squares {
-            *merged.entry(place).or_insert(0) += count;
-        }
-        Sums::new(merged.into_iter(), square)
-    }
+    use crate::tiling::square_sums::tests::counts;
 
     const MARGIN: i64 = 7;
 
@@ -418,7 +270,7 @@ mod tests {
             match edge {
                 Some(edge) => cores = equal_tiles(&counts, bounds, &options(halo, most), edge),
                 None => {
-                    let bounds = counts.grown(bounds, MARGIN);
+                    let bounds = counts.dilated(bounds, MARGIN);
                     split(&counts, &counts, bounds, &options(halo, most), &mut cores);
                     for core in &cores {
                         let is_single = (0..2).all(|axis| core.max[axis] - core.min[axis] == 10);
@@ -444,39 +296,12 @@ mod tests {
             prop_assert_eq!(sum, total);
             prop_assert!(cores.iter().all(|c| counts.touching(&c.grown(MARGIN)) > 0));
         }
-
-        #[test]
-        fn counts_match_a_sum_over_all_squares(
-            squares in prop::collection::vec(((-20i64..20, -20i64..20), 1u64..100), 1..100),
-            west in -300i64..300, south in -300i64..300, width in 1i64..300, height in 1i64..300,
-        ) {
-            let squares: Vec<_> = squares.into_iter().map(|((x, y), n)| ([x, y], n)).collect();
-            let rect = Rect { min: [west, south], max: [west + width, south + height] };
-            let truth: u64 = squares
-                .iter()
-                .filter(|([x, y], _)| {
-                    let square = Rect { min: [x * 10, y * 10], max: [x * 10 + 10, y * 10 + 10] };
-                    square.intersects(&rect)
-                })
-                .map(|s| s.1)
-                .sum();
-            let counts = counts(&squares, 10);
-            prop_assert_eq!(counts.touching(&rect), truth);
-            for axis in 0..2 {
-                let along = counts.touched(rect.min[axis], rect.max[axis]);
-                let wide = Rect {
-                    min: std::array::from_fn(|a| rect.min[a] - if a == axis { 95 } else { 0 }),
-                    max: std::array::from_fn(|a| rect.max[a] + if a == axis { 95 } else { 0 }),
-                };
-                prop_assert_eq!(between(&counts.profile(&wide, axis), along), truth);
-            }
-        }
     }
 
     #[test]
     fn a_square_that_does_not_fit_stands_alone_and_tells_its_cost() {
         let square = |x, cost| Square {
-            place: [x, 0],
+            index: [x, 0],
             points: 1,
             cost,
         };

@@ -77,7 +77,7 @@ fn squares(
             let resident = thinned.get(&place).map_or(points, |&n| n.min(points));
             let seeds = 0.5 * (points as f64 * mean + layers * sparse(points as f64));
             Square {
-                place,
+                index: place,
                 points,
                 cost: tile_bytes(resident as f64, seeds).ceil() as u64,
             }
