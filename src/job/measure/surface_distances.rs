@@ -1,0 +1,40 @@
+//! How far a cloud lies from surfaces that are known exactly.
+
+use std::path::PathBuf;
+
+use super::marked_points::{MARKED_BYTES, Mark, MarkedPoints};
+use crate::{
+    geometry::Stored,
+    job::JobError,
+    las::{InputFile, expand_inputs},
+    quality::{DistanceFigures, DistanceTally},
+    tile::{SourceError, TileError},
+};
+
+/// Measures the distances of the points of the cloud in `files` from a known surface. `distance`
+/// returns the distance of a point given in world coordinates; `spacing` (CRS units) is the unit
+/// of the figures.
+///
+/// # Errors
+///
+/// [`JobError`] if a file cannot be read.
+pub(crate) fn measure_against_surface(
+    files: &[PathBuf],
+    spacing: f64,
+    distance: impl Fn([f64; 3]) -> f64,
+) -> Result<DistanceFigures, JobError> {
+    let mut tally = DistanceTally::new(spacing);
+    for path in expand_inputs(files)? {
+        let input = InputFile::survey(&path)?;
+        let quantization = InputFile::common_quantization(std::iter::once(&input));
+        let failed = |e: SourceError| JobError::Tile(TileError::Sources(vec![(0, e)]));
+        let mut source = MarkedPoints::open(&input, Mark::Cloud, quantization).map_err(failed)?;
+        let mut records = Vec::new();
+        while source.next_batch(&mut records).map_err(failed)?.read > 0 {
+            for record in records.chunks_exact(MARKED_BYTES) {
+                tally.push(distance(quantization.world(Stored::of_record(record))));
+            }
+        }
+    }
+    Ok(tally.figures())
+}
