@@ -111,7 +111,12 @@ pub(crate) fn spacing_for_count<C: CountedCloud>(
         sites_per_point,
         range: [scale, 2.0 * extent],
     };
-    search.run(by_voxels)
+    match search.run(by_voxels) {
+        // Where points are farther apart than the output, each occupies a voxel of its own however fine
+        // voxels are, so that the second guess is too fine for holes to be closed. The first one is coarse.
+        Err(SpacingError::CannotCarry { .. }) => search.run(guess),
+        found => found,
+    }
 }
 
 /// What stays the same from trial to trial.
