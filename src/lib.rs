@@ -75,7 +75,7 @@ mod views;
 
 pub use geometry::PatchKind;
 #[cfg(feature = "formats")]
-pub use job::{Job, Progress, Quiet, Standing, Unit};
+pub use job::{Job, JobError, Outcome, Progress, Quiet, Standing, Unit};
 
 pub use lloyd::{Acceleration, SeedRule};
 pub use quality::Uniformity;

@@ -8,7 +8,7 @@ use std::{
 
 use crate::{
     config::Bytes,
-    job::{Job, JobError, JobStatus, Worker, default_directory},
+    job::{JobDescription, JobError, JobStatus, Worker, default_directory},
     report::thousands,
 };
 use clap::Args;
@@ -84,7 +84,7 @@ pub(super) fn scatter(
     shard: Option<(u32, u32)>,
     others: &Others,
 ) -> Result<u8, JobError> {
-    let job = Job {
+    let job = JobDescription {
         restart,
         ..super::job(scans, output)?
     };
@@ -107,7 +107,7 @@ pub(super) fn scatter(
 
 /// Solves tiles until there are none that nobody works on.
 pub(super) fn solve(sharing: &Sharing, shard: Option<(u32, u32)>) -> Result<u8, JobError> {
-    allocator::spare(Job::handed_over(&sharing.dir)?.memory());
+    allocator::spare(JobDescription::handed_over(&sharing.dir)?.memory());
     stop_on_signals();
     let terminal = Terminal::new(sharing.look());
     let worker = sharing.worker(shard, false);
@@ -120,9 +120,9 @@ pub(super) fn stitch(
     memory: Option<Bytes>,
     scratch: Option<PathBuf>,
 ) -> Result<u8, JobError> {
-    let mut job = Job {
+    let mut job = JobDescription {
         scratch,
-        ..Job::handed_over(&sharing.dir)?
+        ..JobDescription::handed_over(&sharing.dir)?
     };
     allocator::spare(job.memory());
     stop_on_signals();

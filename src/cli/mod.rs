@@ -17,7 +17,7 @@ use std::{
 
 use crate::{
     config::{Bytes, Choices, OnBadFile, by_name},
-    job::{InputCount, Job, JobError, default_directory, write_file},
+    job::{InputCount, JobDescription, JobError, default_directory, write_file},
     las::{InputFile, expand_inputs},
     picture::View,
     report::{REPORT_PAGE, Report, VIEWER_PAGE},
@@ -353,13 +353,13 @@ fn cores() -> usize {
 }
 
 /// The job that flags and file describe.
-fn job(scans: &Scans, output: &Path) -> Result<Job, JobError> {
+fn job(scans: &Scans, output: &Path) -> Result<JobDescription, JobError> {
     let choices = choices(scans)?;
     let metres = match choices.has_units() {
         true => metres_per_unit(&scans.inputs, &choices)?,
         false => None,
     };
-    let job = Job {
+    let job = JobDescription {
         inputs: scans.inputs.clone(),
         output: output.to_owned(),
         dir: choices
@@ -392,7 +392,7 @@ fn metres_per_unit(inputs: &[PathBuf], choices: &Choices) -> Result<Option<f64>,
 }
 
 fn run_job(scans: &Scans, output: &Path, restart: bool) -> Result<u8, JobError> {
-    let job = Job {
+    let job = JobDescription {
         restart,
         ..job(scans, output)?
     };
@@ -401,7 +401,7 @@ fn run_job(scans: &Scans, output: &Path, restart: bool) -> Result<u8, JobError> 
 }
 
 /// Runs `job`, writes its report beside the output, and prints a summary.
-fn run_and_report(job: &Job, look: Look) -> Result<u8, JobError> {
+fn run_and_report(job: &JobDescription, look: Look) -> Result<u8, JobError> {
     stop_on_signals();
     let terminal = Terminal::new(look);
     let mut summary = String::new();
@@ -432,7 +432,7 @@ fn run_and_report(job: &Job, look: Look) -> Result<u8, JobError> {
 }
 
 /// The job's settings by name.
-fn settings(job: &Job) -> Vec<(String, String)> {
+fn settings(job: &JobDescription) -> Vec<(String, String)> {
     let settings = serde_json::to_value(&job.settings).unwrap_or_default();
     let settings = settings.as_object().into_iter().flatten();
     settings
@@ -449,7 +449,7 @@ fn with_ending(path: &Path, ending: &str) -> PathBuf {
 
 /// Writes the report and the viewer beside the output, each complete or not at all: the
 /// names of the pages.
-fn write_report(job: &Job, report: &Report) -> Result<Vec<String>, JobError> {
+fn write_report(job: &JobDescription, report: &Report) -> Result<Vec<String>, JobError> {
     let write = |ending: &str, text: &str| {
         let path = with_ending(&job.output, ending);
         write_file(&path, text.as_bytes()).map(|()| path.display().to_string())

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::{
     config::{Choices, Count, Length},
     geometry::Quantization,
-    job::{Job, JobError, default_directory},
+    job::{JobDescription, JobError, default_directory},
     las::{CloudHeader, CloudWriter, Format, RecordFormat, RecordView, Workspace, standard_length},
     report::REPORT_PAGE,
     simulate::{SimulatedPoint, Street, StreetOptions},
@@ -104,7 +104,7 @@ pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
         ..Choices::default()
     };
     let page = super::with_ending(&cloud, REPORT_PAGE);
-    let job = Job {
+    let job = JobDescription {
         inputs: vec![scans],
         dir: default_directory(&cloud),
         scratch: None,

@@ -193,7 +193,7 @@ pub(crate) fn by_name<T: for<'a> Deserialize<'a>>(name: &str) -> Result<T, Strin
 
 /// What is wrong with the choices.
 #[derive(Debug, thiserror::Error)]
-pub(crate) enum ConfigError {
+pub enum ConfigError {
     /// The file cannot be read.
     #[error("{path}: cannot read the configuration: {source}")]
     Read {

@@ -8,7 +8,7 @@ use std::{
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::{
-    description::Job,
+    description::JobDescription,
     error::JobError,
     progress::Progress,
     resources::{Budget, Clock, Forecast},
@@ -18,7 +18,7 @@ use crate::tile::TileError;
 /// The context of a run.
 pub(crate) struct RunContext<'a> {
     /// The job.
-    pub(crate) job: &'a Job,
+    pub(crate) job: &'a JobDescription,
     /// Memory and threads of the job.
     pub(crate) budget: Budget,
     /// The threads that compute.
@@ -39,7 +39,7 @@ impl RunContext<'_> {
     ///
     /// The errors of `work`; [`JobError::Refused`] if the threads cannot be started.
     pub(crate) fn with<T>(
-        job: &Job,
+        job: &JobDescription,
         threads: usize,
         progress: &dyn Progress,
         cancel: &AtomicBool,

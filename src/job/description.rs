@@ -1,4 +1,4 @@
-//! The description of a job: inputs, output, settings.
+//! The description of a job: inputs, output and settings, validated.
 
 use std::{
     fs::{self, File},
@@ -13,9 +13,10 @@ use crate::{
     las::{Format, LasError},
 };
 
-/// A job: which scans are resampled, how, and to which output.
+/// A job: which scans are resampled, how, and to which output. Its JSON is handed over to other
+/// processes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Job {
+pub(crate) struct JobDescription {
     /// Input files, directories and patterns.
     pub(crate) inputs: Vec<PathBuf>,
     /// The output file, or the output directory of a tiled output.
@@ -38,7 +39,7 @@ pub struct Job {
     pub(crate) restart: bool,
 }
 
-impl Job {
+impl JobDescription {
     /// The format of the output, by its name and by the settings.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! What ends a job, and what to do about it.
+//! Why a job failed, and the remedy.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,17 +7,17 @@ use crate::{config::ConfigError, las::LasError, tile::TileError, views::ViewErro
 /// Why a job failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub(crate) enum JobError {
-    /// The options are wrong.
+pub enum JobError {
+    /// A setting is out of its range, or a file that it names cannot be used.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// A scan or an output is.
+    /// An input cannot be read, or an output cannot be written.
     #[error(transparent)]
     Las(#[from] LasError),
-    /// Several inputs are, each with its reason.
+    /// Inputs cannot be merged into one cloud; each is named with the reason.
     #[error("{} of the inputs cannot be used:\n  {}", .0.len(), .0.join("\n  "))]
     Inputs(Vec<String>),
-    /// Inputs cannot be read, each with its reason.
+    /// Inputs cannot be read; each is named with the reason.
     #[error(
         "{} cannot be read:\n{}repair or remove {}, or give --on-bad-file skip to go on without",
         files(.0.len()),
@@ -25,30 +25,30 @@ pub(crate) enum JobError {
         if .0.len() == 1 { "it" } else { "them" }
     )]
     BadFiles(Vec<LeftOut>),
-    /// A temporary file is.
+    /// A temporary file cannot be read or written, or the user stopped the job.
     #[error(transparent)]
     Tile(#[from] TileError),
     /// A file of the job directory cannot be read or written.
     #[error("cannot {action} {path}: {source}")]
     Io {
-        /// What was tried.
+        /// The attempted action.
         action: &'static str,
-        /// The file.
+        /// The path of the file.
         path: String,
-        /// Why it failed.
+        /// The error of the system.
         source: std::io::Error,
     },
-    /// The job cannot be done as asked; the message says what would do.
+    /// The job cannot be done as requested; the message says what to change.
     #[error("{0}")]
     Refused(String),
 }
 
 /// An input that cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct LeftOut {
-    /// The file, as text.
+pub struct LeftOut {
+    /// The path of the file.
     pub(crate) path: String,
-    /// What is wrong with it.
+    /// The reason, as a predicate: the file …
     pub(crate) reason: String,
 }
 
@@ -78,18 +78,18 @@ impl JobError {
         }
     }
 
-    /// Whether the options are to blame, and not the data or the machine.
-    pub(crate) fn is_usage(&self) -> bool {
+    /// Whether the settings are wrong, and not the data or the machine.
+    pub fn is_usage(&self) -> bool {
         matches!(self, Self::Config(_))
     }
 
-    /// Whether the same job can go on, once the machine lets it.
+    /// Whether the same job can continue when the machine allows it.
     pub(super) fn is_resumable(&self) -> bool {
         matches!(self, Self::Io { .. } | Self::Tile(_))
     }
 
     /// Whether the user stopped the job.
-    pub(crate) fn is_cancelled(&self) -> bool {
+    pub fn is_cancelled(&self) -> bool {
         matches!(self, Self::Tile(TileError::Cancelled))
     }
 }

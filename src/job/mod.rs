@@ -9,7 +9,8 @@
 //! Each stage leaves files in the job directory, named in the lower line, that the next stage reads.
 //! A later run of the same job finds them and does not repeat completed work.
 //!
-//! * [`description`] states inputs, output and settings; [`run`] has the order of the stages;
+//! * [`request`] is the builder that programs use; [`description`] states inputs, output and
+//!   settings, validated; [`run`] has the order of the stages;
 //!   [`context`] contains what every stage works with.
 //! * [`stages`] has a file for each stage.
 //! * [`directory`] and [`resources`] manage disk, memory and time.
@@ -23,17 +24,19 @@ mod error;
 mod measure;
 mod outcome;
 mod progress;
+mod request;
 mod resources;
 mod run;
 mod stages;
 mod tile_figures;
 
 pub(crate) use cluster::{JobStatus, Worker};
-pub use description::Job;
+pub(crate) use description::JobDescription;
 pub(crate) use directory::{default_directory, write_file};
-pub(crate) use error::JobError;
+pub use error::JobError;
 pub(crate) use measure::{measure, measure_against_surface};
-pub(crate) use outcome::Outcome;
+pub use outcome::Outcome;
 pub use progress::{Progress, Quiet, Standing, Unit};
+pub use request::Job;
 pub(crate) use resources::{ResourceSample, StageCost};
 pub(crate) use stages::{InputCount, plan::JobPlan};

@@ -5,10 +5,11 @@ use super::{
     stages::{InputCount, plan::JobPlan, views::ResultViews, write::Stitched},
     tile_figures::TileFigures,
 };
+use crate::quality::{Uniformity, UniformityTally};
 
 /// The outcome of a job.
 #[derive(Clone, Debug)]
-pub(crate) struct Outcome {
+pub struct Outcome {
     /// The plan.
     pub(crate) plan: JobPlan,
     /// Numbers of points of each input.
@@ -25,6 +26,32 @@ pub(crate) struct Outcome {
     pub(crate) costs: RunCosts,
     /// Facts about inputs and points that are worth a line.
     pub(crate) notes: Vec<String>,
+}
+
+impl Outcome {
+    /// Number of points of the output.
+    pub fn points(&self) -> u64 {
+        self.written.points
+    }
+
+    /// Spacing of the output (CRS units).
+    pub fn spacing(&self) -> f64 {
+        self.plan.spacing
+    }
+
+    /// Uniformity of the output: distances as written, across seams, and cells as their tiles saw them.
+    pub fn uniformity(&self) -> Uniformity {
+        let mut cells = UniformityTally::new(self.plan.spacing);
+        for tile in &self.tiles {
+            cells.add(&tile.uniformity);
+        }
+        self.stitched.all.figures().with_cells_of(&cells.figures())
+    }
+
+    /// Facts about inputs and points that are worth a line.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
 }
 
 /// Size and tiles of a cloud that was written.

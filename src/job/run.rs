@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use super::{
     cluster::{Worker, block_files},
     context::RunContext,
-    description::Job,
+    description::JobDescription,
     directory::Stamp,
     error::JobError,
     outcome::Outcome,
@@ -24,7 +24,7 @@ const SORT_SECONDS_PER_MILLION: f64 = 0.7;
 /// Expected seconds of the views of the result.
 const VIEW_SECONDS: f64 = 0.2;
 
-impl Job {
+impl JobDescription {
     /// Does the job, and continues from what an earlier run of the same job completed.
     ///
     /// When everything is done except that the output has its name, `report` is called; if it

@@ -22,8 +22,8 @@ use crate::{
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Options {
-    pub(super) target: Target,
-    pub(super) solver: SolverSettings,
+    pub(crate) target: Target,
+    pub(crate) solver: SolverSettings,
     pub(super) scale: Option<f64>,
 }
 
@@ -123,7 +123,7 @@ impl Options {
     }
 
     /// Names the first value that is out of its range.
-    pub(super) fn check(&self) -> Result<(), ResampleError> {
+    pub(crate) fn check(&self) -> Result<(), ResampleError> {
         let positive = "must be a length above zero";
         let of_target = match self.target {
             Target::Spacing(spacing) => ("spacing", spacing, positive),

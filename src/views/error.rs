@@ -6,7 +6,7 @@ use crate::{las::LasError, tile::TileError};
 
 /// Why a view of a result cannot be made.
 #[derive(Debug, thiserror::Error)]
-pub(crate) enum ViewError {
+pub enum ViewError {
     /// A cloud cannot be read.
     #[error(transparent)]
     Las(#[from] LasError),

@@ -14,7 +14,7 @@ use crate::{
     config::Settings,
     job::{
         context::RunContext,
-        description::Job,
+        description::JobDescription,
         error::JobError,
         progress::Progress,
         stages::{
@@ -30,7 +30,7 @@ use crate::{
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Handover {
     /// The job, with absolute paths.
-    pub(super) job: Job,
+    pub(super) job: JobDescription,
     /// The format of the scattered records.
     pub(super) record: RecordFormat,
     /// The plan of the tiles.
@@ -76,7 +76,7 @@ impl Handover {
     }
 }
 
-impl Job {
+impl JobDescription {
     /// Scatters the groups of scans that no other process scatters, as `worker` among several.
     ///
     /// # Errors
