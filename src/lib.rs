@@ -92,10 +92,12 @@ pub mod internals {
         },
         las::{LasError, PlyFile, PlyStream},
         lloyd::{
-            AREA_PER_SEED, Acceleration, DistanceSums, Restriction, Scan, SeedRule, Site, Solution,
-            SolverOptions, TileRegion, describe_places, elect, solve,
+            AREA_PER_SEED, Acceleration, Restriction, Scan, SeedRule, Site, Solution,
+            SolverOptions, TileRegion, describe_positions, elect, solve, uniformity,
         },
-        quality::{CellFigures, DistanceFigures, DistanceTally, Uniformity, UniformityTally},
+        quality::{
+            CellFigures, DistanceFigures, DistanceSums, DistanceTally, Uniformity, UniformityTally,
+        },
         simulate::{SimulatedPoint, Street, StreetOptions},
         tile::{
             NeighborSites, Opener, PointCounts, ScatterOptions, SeamTally, SolvedSite, Source,

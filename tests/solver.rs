@@ -314,7 +314,7 @@ fn a_tile_that_sees_enough_has_the_bits_of_the_whole() {
             .collect();
         assert!(seen.len() < 320_000);
         let domain = TileRegion {
-            known,
+            available: known,
             core,
             band: QUANTIZATION.units(3.0 * h),
         };

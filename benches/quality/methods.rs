@@ -3,9 +3,9 @@
 use std::{collections::BTreeMap, time::Instant};
 
 use lloydar::internals::{
-    AREA_PER_SEED, Acceleration, CellFigures, DistanceFigures, DistanceTally, Local, NeighborGrid,
-    PatchKind, Restriction, Scan, SeedRule, Site, SolverOptions, Stored, TileRegion, Uniformity,
-    UniformityTally, describe_places, elect, solve,
+    AREA_PER_SEED, Acceleration, DistanceFigures, DistanceTally, Local, NeighborGrid, PatchKind,
+    Restriction, Scan, SeedRule, Site, SolverOptions, Stored, TileRegion, Uniformity,
+    describe_positions, elect, solve, uniformity,
 };
 
 use crate::clouds::{Cloud, Dice};
@@ -213,26 +213,15 @@ fn judge(cloud: &Cloud, places: &[Local], seconds: f64) -> Outcome {
     let spacing = hexagonal_spacing(cloud, places);
     let options = Method::Ours.options(cloud, spacing);
     let scan = scan(cloud, &options);
-    let sites = describe_places(&scan, &TileRegion::everything(), &options, places);
+    let sites = describe_positions(&scan, &TileRegion::everything(), &options, places);
     let positions: Vec<Local> = sites.iter().map(|site| site.position).collect();
     let grid = NeighborGrid::new(&positions, spacing);
-    let mut tally = UniformityTally::new(spacing);
+    let tally = uniformity(&sites, spacing);
     let mut accuracy = DistanceTally::new(spacing);
     let mut coverage = DistanceTally::new(spacing);
     let mut at_edges = DistanceTally::new(spacing);
     let mut astray = 0;
-    for (index, site) in (0_u32..).zip(&sites) {
-        match grid.nearest(site.position, 8.0 * spacing, |other| other == index) {
-            Some((_, squared)) => tally.push_distance(squared.sqrt()),
-            None => tally.push_alone(),
-        }
-        if is_counted(site) {
-            tally.push_cell(CellFigures {
-                area: site.area,
-                energy: site.energy,
-                neighbors: site.neighbors,
-            });
-        }
+    for site in &sites {
         let near = scan.nearest(site.position, 8.0 * spacing);
         let to_scan = near.map_or(8.0 * spacing, |(_, distance)| distance);
         let [x, y, z] = site.position.into();
@@ -303,7 +292,7 @@ fn hexagonal_spacing(cloud: &Cloud, places: &[Local]) -> f64 {
     for _ in 0..2 {
         let options = Method::Ours.options(cloud, spacing);
         let scan = scan(cloud, &options);
-        let sites = describe_places(&scan, &TileRegion::everything(), &options, places);
+        let sites = describe_positions(&scan, &TileRegion::everything(), &options, places);
         let areas: Vec<f64> = sites
             .iter()
             .filter(|s| is_counted(s))

@@ -20,6 +20,15 @@ pub struct Neighbor {
 }
 
 impl Neighbor {
+    /// The site `index` at `position` as a neighbour of `site`.
+    pub(crate) fn new(site: Local, index: u32, position: Local) -> Self {
+        Self {
+            distance_squared: (position - site).norm_squared(),
+            index,
+            position,
+        }
+    }
+
     /// Nearest first, equally near ones in the order of their names.
     pub(crate) fn sort(neighbors: &mut [Self]) {
         neighbors.sort_unstable_by(|a, b| {

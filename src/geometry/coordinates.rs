@@ -14,8 +14,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::spread;
-
 /// CRS units from the quantization's offset.
 pub type Local = nalgebra::Vector3<f64>;
 
@@ -30,14 +28,6 @@ pub struct Stored {
     pub y: i32,
     /// Upwards.
     pub z: i32,
-}
-
-impl Stored {
-    /// A number that is this place's alone, as good as drawn by lot.
-    pub(crate) fn tie_break_hash(&self) -> u64 {
-        let [x, y, z] = [self.x, self.y, self.z].map(|c| u64::from(c as u32));
-        spread(spread(x << 32 | y) ^ z)
-    }
 }
 
 /// Steps of the quantization to a spacing at the least.

@@ -14,7 +14,7 @@ use std::ops::{ControlFlow, Range};
 
 use rayon::prelude::*;
 
-use super::{Local, Stored};
+use super::{Local, Stored, hash::spread};
 
 /// Where a cell lies: whole cells from the local origin.
 pub(crate) type CellIndex = [i32; 3];
@@ -182,12 +182,12 @@ impl OccupiedCells {
 
     /// The range of points in the cell `index`; empty if there are none.
     pub(crate) fn range(&self, index: CellIndex) -> Range<usize> {
-        self.place(index)
+        self.index_of(index)
             .map_or(0..0, |place| self.points_of(place))
     }
 
     /// The place of the cell `index` among the occupied ones, if it is one.
-    pub(crate) fn place(&self, index: CellIndex) -> Option<usize> {
+    pub(crate) fn index_of(&self, index: CellIndex) -> Option<usize> {
         let brick = self.bricks[self.place_of_brick(index.map(|c| c >> BRICK_SHIFT))?];
         let bit = 1 << bit_of(index);
         (brick.occupied & bit != 0).then(|| brick.place(bit))
@@ -364,16 +364,6 @@ fn hash([x, y, z]: CellIndex) -> usize {
     let [x, y, z] = [x, y, z].map(|c| u64::from(c as u32));
     // An odd factor keeps layers apart.
     spread((x << 32 | y) ^ z.wrapping_mul(0x9e37_79b9_7f4a_7c15)) as usize
-}
-
-/// A hash of `key` whose every bit depends on every bit of it (the finaliser
-/// of SplitMix64; Steele, Lea and Flood, *Fast splittable pseudorandom number
-/// generators*, 2014).
-pub(crate) fn spread(key: u64) -> u64 {
-    let mut z = key.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]

@@ -3,8 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    lloyd::DistanceSums,
-    quality::{DistanceTally, UniformityTally},
+    quality::{DistanceSums, DistanceTally, UniformityTally},
     tile::Tile,
 };
 

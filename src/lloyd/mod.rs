@@ -3,49 +3,43 @@
 //! Accelerated Lloyd's Method for Resampling 3D Point Clouds, Algorithm 1:
 //!
 //! ```text
-//!   scan ──► seeds ──► ┌ patch at each site           geometry::Patch  III-B
-//!                      │ restricted Voronoi cell      geometry::Cell   III-C
-//!                      │ centroid                     step             IV-B
-//!                      │ acceleration, checked        acceleration     IV-C
-//!                      │ projection to the patch      step             IV-D
-//!                      └ boundary restriction ◄─┐     restriction      IV-E
+//!   scan ──► seeds ──► ┌ patch at each site           geometry::Patch   III-B
+//!                      │ restricted Voronoi cell      geometry::Cell    III-C
+//!                      │ centroid                     step              IV-B
+//!                      │ acceleration, checked        acceleration      IV-C
+//!                      │ projection to the patch      step              IV-D
+//!                      └ boundary restriction ◄─┐     step              IV-E
 //!                           K times ────────────┘
 //! ```
 //!
-//! Nothing here knows tiles but for one thing: which sites can still matter to
-//! the core that is asked for. Every rule looks at a neighbourhood only, in an
-//! order given by the data, so two tiles compute the same bits wherever both
-//! see enough.
+//! Nothing here knows tiles except for one thing: which sites can still influence the core
+//! that is wanted. Every rule uses a neighbourhood only, in an order given by the data, so two
+//! tiles compute the same bits wherever both have enough of the scan.
 
 mod acceleration;
-mod anderson;
-mod around;
-mod domain;
-mod filling;
-mod fit;
-mod neighborhoods;
-mod nodes;
-mod relaxation;
-mod restriction;
+mod options;
+mod region;
 mod rings;
 mod scan;
 mod seeds;
 mod settings;
-mod smoothing;
+mod site;
+mod sites;
 mod solver;
 mod step;
+mod surface;
 mod tally;
 
 pub use acceleration::Acceleration;
-pub use domain::TileRegion;
-pub use restriction::Restriction;
+pub use options::SolverOptions;
+pub use region::TileRegion;
 pub(crate) use rings::Rings;
 pub use scan::Scan;
 pub(crate) use seeds::elected_in;
 pub use seeds::{AREA_PER_SEED, SeedRule, elect};
 pub(crate) use settings::SolverSettings;
-pub use solver::DistanceSums;
-pub(crate) use solver::solve_with_rings;
-pub use solver::{Site, Solution, SolverOptions, describe_places, solve};
-pub(crate) use solver::{describe_points, solve_watched};
-pub(crate) use tally::uniformity;
+pub use site::Site;
+pub use solver::{Solution, describe_positions, solve};
+pub(crate) use solver::{describe_points, solve_watched, solve_with_rings};
+pub use step::Restriction;
+pub use tally::uniformity;

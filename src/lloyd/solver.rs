@@ -2,204 +2,33 @@
 
 use std::ops::ControlFlow;
 
-use rayon::prelude::*;
-
 use super::{
-    Acceleration, Restriction, Scan, SeedRule, TileRegion,
     acceleration::{Accelerator, Iterate},
-    around::{Around, Scratch, clearance},
-    domain::DependencyCone,
-    elect,
-    fit::is_allowed,
-    neighborhoods::{BLOCK, BLOCKS_AT_ONCE, Neighborhoods},
-    rings::{Edges, GAP, Rings},
-    step::Step,
+    options::SolverOptions,
+    region::{DependencyCone, TileRegion},
+    rings::Rings,
+    scan::Scan,
+    seeds::elect,
+    site::Site,
+    sites::Sites,
+    surface::Surface,
 };
-use crate::geometry::{AT_ONCE, Cell, Local, Moments, OccupiedCells, PatchKind, Stored, cell_of};
+use crate::{
+    geometry::{Local, Stored},
+    quality::DistanceSums,
+};
 
-/// What is asked of the solver. Lengths are CRS units.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct SolverOptions {
-    /// The edge of the hexagonal lattice with as many sites to the area.
-    pub spacing: f64,
-    /// Reach of a patch: the scale of the details kept.
-    pub fit_radius: f64,
-    /// Reach of the noise to smooth away before anything else; 0 for none.
-    pub smooth: f64,
-    /// The widest hole to close; 0 for none.
-    pub fill: f64,
-    /// The paper's K: 20.
-    pub iterations: u32,
-    /// Where sites start.
-    pub seeds: SeedRule,
-    /// Share of the scan's points that random seeds are.
-    pub seeds_per_point: f64,
-    /// What is done with the centroids.
-    pub acceleration: Acceleration,
-    /// What is fitted.
-    pub patch: PatchKind,
-    /// How far from the scan a site may go.
-    pub restriction: Restriction,
-    /// Seed of every hash.
-    pub seed: u64,
-}
-
-/// Reach of a patch, in spacings, unless told otherwise.
-pub(crate) const FIT_RADIUS: f64 = 1.2;
-
-/// The widest hole that is closed, in spacings, unless told otherwise.
-pub(crate) const FILL: f64 = 4.0;
-
-impl SolverOptions {
-    /// The defaults, at `spacing` (CRS units).
-    pub fn new(spacing: f64) -> Self {
-        Self {
-            spacing,
-            fit_radius: FIT_RADIUS * spacing,
-            smooth: 0.0,
-            fill: FILL * spacing,
-            iterations: 20,
-            seeds: SeedRule::default(),
-            seeds_per_point: 0.0,
-            acceleration: Acceleration::default(),
-            patch: PatchKind::default(),
-            restriction: Restriction::Local,
-            seed: 0,
-        }
-    }
-
-    /// How far influence is taken to travel in one iteration (CRS units): the
-    /// diameter of a large cell. Measured on a simulated street, 97 tiles: with
-    /// 1.4 spacings all tiles agreed to the bit, with 0.9 to 10⁻⁹ spacings.
-    pub(super) fn reach_of_an_iteration(&self) -> f64 {
-        1.25 * self.spacing
-    }
-
-    /// Seeds this deep inside what is known (CRS units) are taken to be elected
-    /// everywhere alike.
-    pub(super) fn seed_margin(&self) -> f64 {
-        SEED_MARGIN * self.spacing + self.fit_radius + 2.0 * (self.fill + self.smooth)
-    }
-
-    /// Farthest from a point of the scan that a seed may stand (CRS units): in
-    /// the middle of what is filled, and a little beyond.
-    pub(crate) fn farthest_seed(&self) -> f64 {
-        2.5 * self.spacing + 0.5 * self.fill + self.smooth
-    }
-
-    /// The halo (CRS units) with which tiles agree on what they share: so many
-    /// iterations' reach, and what the election and the fit see.
-    pub fn halo(&self) -> f64 {
-        f64::from(self.iterations) * self.reach_of_an_iteration() + self.seed_margin()
-    }
-}
-
-/// The election's chains, and what the normals of its lattices look at, are
-/// shorter than this, in spacings.
-const SEED_MARGIN: f64 = 8.0;
-
-/// A site at the end. Lengths are CRS units.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Site {
-    /// The seed it grew from; decides which tile it is at home in.
-    pub identity: Stored,
-    /// Where it ended.
-    pub position: Local,
-    /// Whether everything that it depends on was known here: every tile for
-    /// which this holds has the same bits.
-    pub is_exact: bool,
-    /// Whether it was left where it was elected, for want of a patch to trust: it has no cell.
-    pub is_fixed: bool,
-    /// Whether neighbours bound its cell all around.
-    pub is_closed: bool,
-    /// Number of neighbours whose cells touch its own.
-    pub neighbors: u8,
-    /// Normal of its patch, upwards; `None` without a patch to trust.
-    pub normal: Option<Local>,
-    /// Mean curvature of its patch (1 / CRS unit), positive where the surface bends
-    /// towards the normal; NaN without a patch to trust.
-    pub curvature: f64,
-    /// Area of its cell; 0 where there is none.
-    pub area: f64,
-    /// Energy of its cell (paper, equation 2).
-    pub energy: f64,
-    /// Distance to the nearest other site, infinite beyond [`FARTHEST_NEIGHBOR`]
-    /// spacings.
-    pub nearest: f64,
-}
-
-impl Site {
-    /// The area of the cell, if the input describes a surface there and neighbours bound the cell all around.
-    pub(crate) fn bounded_area(&self) -> Option<f64> {
-        let is_bounded = self.is_closed && !self.is_fixed && self.area > 0.0;
-        is_bounded.then_some(self.area)
-    }
-}
-
-/// How far the nearest other site is looked for, in spacings.
-pub(crate) const FARTHEST_NEIGHBOR: f64 = 4.0;
-
-/// Sums of the distances to the nearest neighbours, for δ (paper, equation 6).
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct DistanceSums {
-    /// Number of sites.
-    pub count: u64,
-    /// Sum of the distances.
-    pub sum: f64,
-    /// Sum of their squares.
-    pub squares: f64,
-}
-
-impl DistanceSums {
-    /// Those of `distances`.
-    fn of(distances: impl Iterator<Item = f64>) -> Self {
-        let mut sums = Self::default();
-        distances.for_each(|distance| sums.push(distance));
-        sums
-    }
-
-    /// Adds one distance.
-    pub(crate) fn push(&mut self, distance: f64) {
-        self.count += 1;
-        self.sum += distance;
-        self.squares += distance * distance;
-    }
-
-    /// Adds those of another part.
-    pub(crate) fn add(&mut self, other: &Self) {
-        self.count += other.count;
-        self.sum += other.sum;
-        self.squares += other.squares;
-    }
-
-    /// δ, or NaN of nothing.
-    pub fn delta(&self) -> f64 {
-        let ratio = self.count as f64 * self.squares / (self.sum * self.sum);
-        (ratio - 1.0).clamp(0.0, f64::INFINITY).sqrt()
-    }
-}
-
-/// What [`solve`] returns.
+/// The result of [`solve`].
 #[derive(Clone, Debug)]
 pub struct Solution {
     /// The sites of core and band, in the order of their identities.
     pub sites: Vec<Site>,
-    /// The same before the first iteration, for comparison.
+    /// The sites of core and band before the first iteration, in the order of their
+    /// identities.
     pub seeds: Vec<Site>,
-    /// Distances of the core's sites at the start of every iteration and at
-    /// the end.
+    /// The distances from the core's sites to their nearest neighbours, at the start of every
+    /// iteration and after the last.
     pub convergence: Vec<DistanceSums>,
-}
-
-/// The sites of a cloud on their way, in the order of their blocks, and of
-/// their identities within a block.
-struct Sites<'a> {
-    scan: &'a Scan,
-    domain: &'a TileRegion,
-    options: &'a SolverOptions,
-    identities: Vec<Stored>,
-    neighborhoods: Neighborhoods,
-    steps: Vec<Step>,
 }
 
 /// Receives the share of the work that is done, between 0 and 1, from time to time, and says
@@ -210,13 +39,37 @@ pub(crate) type Monitor<'a> = &'a dyn Fn(f64) -> ControlFlow<()>;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Cancelled;
 
-/// Runs the paper's Algorithm 1 on `scan`, for the sites of `domain`.
-pub fn solve(scan: &Scan, domain: &TileRegion, options: &SolverOptions) -> Solution {
-    solve_watched(scan, domain, options, &|_| ControlFlow::Continue(()))
-        .expect("nothing stops the solver")
+/// Approximate share of the time of a solve that has passed when the seeds are elected.
+const ELECTED_SHARE: f64 = 0.36;
+
+/// Approximate share of the time of a solve that has passed when the seeds are elected and
+/// described.
+const DESCRIBED_SHARE: f64 = 0.48;
+
+/// Runs the paper's Algorithm 1 on `scan`, for the sites of `region`.
+pub fn solve(scan: &Scan, region: &TileRegion, options: &SolverOptions) -> Solution {
+    solve_watched(scan, region, options, &|_| ControlFlow::Continue(()))
+        .expect("the monitor never stops the solver")
 }
 
-/// Runs the paper's Algorithm 1 on `scan`, for the sites of `domain`, and gives the ring of
+/// Runs the paper's Algorithm 1 on `scan`, for the sites of `region`. `monitor` is consulted
+/// before and after the election of the seeds and before every iteration.
+///
+/// # Errors
+///
+/// [`Cancelled`] if `monitor` stops the solver.
+pub(crate) fn solve_watched(
+    scan: &Scan,
+    region: &TileRegion,
+    options: &SolverOptions,
+    monitor: Monitor<'_>,
+) -> Result<Solution, Cancelled> {
+    let describe = |sites: &mut Sites<'_>| (sites.describe(), ());
+    let surface = Surface::new(scan, options);
+    run(surface, region, monitor, describe).map(|(solution, ())| solution)
+}
+
+/// Runs the paper's Algorithm 1 on `scan`, for the sites of `region`, and gives the ring of
 /// neighbours of every site beside it. `monitor` is consulted before and after the election
 /// of the seeds and before every iteration.
 ///
@@ -225,90 +78,71 @@ pub fn solve(scan: &Scan, domain: &TileRegion, options: &SolverOptions) -> Solut
 /// [`Cancelled`] if `monitor` stops the solver.
 pub(crate) fn solve_with_rings(
     scan: &Scan,
-    domain: &TileRegion,
+    region: &TileRegion,
     options: &SolverOptions,
     monitor: Monitor<'_>,
 ) -> Result<(Solution, Rings), Cancelled> {
-    run(scan, domain, options, monitor, |sites| {
+    run(Surface::new(scan, options), region, monitor, |sites| {
         sites.describe_with_rings()
     })
 }
 
-/// Of the time that [`solve`] takes, what passes until the seeds are elected and described,
-/// about.
-const ELECTION_SHARE: f64 = 0.48;
-
-/// Of the time that [`solve`] takes, the share that has passed when the seeds are elected.
-const SEEDS_SHARE: f64 = 0.36;
-
-/// Runs the paper's Algorithm 1 on `scan`, for the sites of `domain`. `monitor` is consulted
-/// before and after the election of the seeds and before every iteration.
-///
-/// # Errors
-///
-/// [`Cancelled`] if `monitor` stops the solver.
-pub(crate) fn solve_watched(
-    scan: &Scan,
-    domain: &TileRegion,
-    options: &SolverOptions,
-    monitor: Monitor<'_>,
-) -> Result<Solution, Cancelled> {
-    let describe = |sites: &mut Sites<'_>| (sites.describe(), ());
-    run(scan, domain, options, monitor, describe).map(|(solution, ())| solution)
-}
-
-/// Runs Algorithm 1; `describe` gives the sites at the end, and what is wanted beside them.
+/// Runs Algorithm 1. `describe` gives the sites after the last iteration, and what the caller
+/// wants beside them.
 fn run<T>(
-    scan: &Scan,
-    domain: &TileRegion,
-    options: &SolverOptions,
+    surface: Surface<'_>,
+    region: &TileRegion,
     monitor: Monitor<'_>,
     describe: impl FnOnce(&mut Sites<'_>) -> (Vec<Site>, T),
 ) -> Result<(Solution, T), Cancelled> {
+    let (options, quantization) = (surface.options, surface.quantization());
     let consult = |share: f64| match monitor(share) {
         ControlFlow::Continue(()) => Ok(()),
         ControlFlow::Break(()) => Err(Cancelled),
     };
+
+    // Seeds are elected in the whole scan; those that can influence no wanted site are dropped.
     consult(0.0)?;
-    let all = elect(scan, options);
-    consult(SEEDS_SHARE)?;
-    let cone = DependencyCone::new(domain, options, scan.quantization());
-    // Sites beyond the widest ring can matter to nobody here.
+    let all = elect(surface.scan, options);
+    consult(ELECTED_SHARE)?;
+    let cone = DependencyCone::new(region, options, quantization);
     let (identities, positions): (Vec<Stored>, Vec<Local>) = all
         .identities
         .into_iter()
         .zip(all.positions)
         .filter(|&(identity, _)| cone.matters(identity, 0))
         .unzip();
-    let mut sites = Sites::new(scan, domain, options, &identities, &positions);
-    for (step, &identity) in sites.steps.iter_mut().zip(&sites.identities) {
-        step.is_exact = cone.knows_seed(identity);
-    }
+
+    // The first Lloyd step shares its cells with the figures of the seeds.
+    let mut sites = Sites::new(surface, region, &identities, &positions);
+    sites.mark_exact_seeds(&cone);
     let seeds = sites.first_step(&cone);
+
     let mut accelerator = Accelerator::new(
         options.acceleration,
         &sites.identities,
-        scan.quantization().scale,
+        quantization.scale,
         options.spacing,
     );
     let mut convergence = Vec::new();
     for iteration in 0..options.iterations {
         // The first ones take longer: more sites move, and more patches are fitted.
         let share = (f64::from(iteration) / f64::from(options.iterations)).powf(0.85);
-        consult(ELECTION_SHARE + (1.0 - ELECTION_SHARE) * share)?;
+        consult(DESCRIBED_SHARE + (1.0 - DESCRIBED_SHARE) * share)?;
         convergence.push(match iteration {
-            0 => sums(domain, &seeds),
+            0 => nearest_distances(region, &seeds),
             _ => sites.lloyd_step(&cone, iteration),
         });
         let next = accelerator.next(&Iterate {
-            sites: sites.neighborhoods.places(),
+            sites: sites.neighborhoods.positions(),
             steps: &sites.steps,
             spacing: options.spacing,
         });
-        sites.go(next);
+        sites.move_to(next);
     }
+
     let (ended, beside) = describe(&mut sites);
-    convergence.push(sums(domain, &ended));
+    convergence.push(nearest_distances(region, &ended));
     let solution = Solution {
         sites: ended,
         seeds,
@@ -317,288 +151,44 @@ fn run<T>(
     Ok((solution, beside))
 }
 
-/// The points of `scan` themselves as sites, with the cells they have on
-/// patches through their neighbours: for the figures of a finished cloud.
+/// The distances from the core's `sites` to their nearest neighbours.
+fn nearest_distances(region: &TileRegion, sites: &[Site]) -> DistanceSums {
+    let counts = |site: &&Site| site.nearest.is_finite() && region.core.contains(site.identity);
+    DistanceSums::of(sites.iter().filter(counts).map(|site| site.nearest))
+}
+
+/// The points of `scan` themselves as sites, with the cells they have on patches through
+/// their neighbours: for the figures of a finished cloud.
 pub(crate) fn describe_points(
     scan: &Scan,
-    domain: &TileRegion,
+    region: &TileRegion,
     options: &SolverOptions,
 ) -> Vec<Site> {
     let quantization = scan.quantization();
-    let places: Vec<Local> = scan
+    let positions: Vec<Local> = scan
         .points()
         .iter()
         .map(|&p| quantization.local(p))
         .collect();
-    describe_places(scan, domain, options, &places)
+    describe_positions(scan, region, options, &positions)
 }
 
-/// `places` as sites, with the cells they have on the patches of `scan`: for
-/// the figures of what somebody else made of the scan. Their identities are the
-/// places as stored; of places stored alike one is described, and none that
-/// cannot be stored.
-pub fn describe_places(
+/// Sites at `positions`, with the cells they have on the patches of `scan`: for the figures of
+/// what another method made of the scan. Their identities are the stored positions; of
+/// several with one identity one is described, and positions that cannot be stored are left
+/// out.
+pub fn describe_positions(
     scan: &Scan,
-    domain: &TileRegion,
+    region: &TileRegion,
     options: &SolverOptions,
-    places: &[Local],
+    positions: &[Local],
 ) -> Vec<Site> {
-    let stored = |&place: &Local| Some((scan.quantization().stored(place)?, place));
-    let mut known: Vec<(Stored, Local)> = places.iter().filter_map(stored).collect();
+    let stored = |&position: &Local| Some((scan.quantization().stored(position)?, position));
+    let mut known: Vec<(Stored, Local)> = positions.iter().filter_map(stored).collect();
     known.sort_unstable_by_key(|&(identity, _)| identity);
     known.dedup_by_key(|&mut (identity, _)| identity);
     let (identities, positions): (Vec<_>, Vec<_>) = known.into_iter().unzip();
-    Sites::new(scan, domain, options, &identities, &positions).describe()
-}
-
-impl<'a> Sites<'a> {
-    /// Sites that start at `positions`; `identities` must be sorted.
-    fn new(
-        scan: &'a Scan,
-        domain: &'a TileRegion,
-        options: &'a SolverOptions,
-        identities: &[Stored],
-        positions: &[Local],
-    ) -> Self {
-        let edge = BLOCK * options.spacing;
-        let (blocks, order) = OccupiedCells::sort(positions, |&p| cell_of(p, edge));
-        let places: Vec<Local> = order.iter().map(|&i| positions[i as usize]).collect();
-        Self {
-            scan,
-            domain,
-            options,
-            identities: order.iter().map(|&i| identities[i as usize]).collect(),
-            steps: places.par_iter().map(|&place| Step::new(place)).collect(),
-            neighborhoods: Neighborhoods::new(places, blocks.ranges().collect(), options.spacing),
-        }
-    }
-
-    /// One Lloyd step of every site that still matters. Distances from the core's sites
-    /// to the nearest others, as it met them.
-    fn lloyd_step(&mut self, cone: &DependencyCone<'_>, iteration: u32) -> DistanceSums {
-        let matters = |site: usize| cone.matters(self.identities[site], iteration);
-        let was_exact = self.are_exact();
-        self.steps
-            .par_iter_mut()
-            .zip(self.neighborhoods.places())
-            .enumerate()
-            .filter(|&(site, _)| !matters(site))
-            .for_each(|(_, (step, &place))| step.leave(place));
-        let (scan, options) = (self.scan, self.options);
-        let mut nearest = vec![None; self.steps.len()];
-        by_block(
-            &mut self.steps,
-            &mut nearest,
-            &self.neighborhoods,
-            options,
-            |step, nearest, around| {
-                let site = around.site;
-                if matters(site) {
-                    step.advance(scan, options, cone, &was_exact, around);
-                    *nearest = step
-                        .nearest
-                        .filter(|_| self.domain.core.contains(self.identities[site]));
-                }
-            },
-        );
-        DistanceSums::of(nearest.into_iter().flatten())
-    }
-
-    /// Moves the sites to `next`, projected and restricted; where that is not
-    /// allowed, to the target of their Lloyd step.
-    fn go(&mut self, mut next: Vec<Local>) {
-        next.par_iter_mut()
-            .zip(&mut self.steps)
-            .zip(self.neighborhoods.places())
-            .with_max_len(AT_ONCE)
-            .for_each(|((place, step), before)| {
-                let target = step.target;
-                if *place == target {
-                    return;
-                }
-                *place = match &mut step.fit {
-                    Some(fit) => {
-                        let place = fit.patch.foot_point(*place);
-                        let is_clear = (place - before).norm() <= step.free;
-                        let goes = is_clear && is_allowed(self.scan, fit, place, self.options);
-                        if goes { place } else { target }
-                    }
-                    None => target,
-                };
-            });
-        self.neighborhoods.go(next);
-    }
-
-    /// The first Lloyd step of all sites, and the figures of their cells before it, as
-    /// [`describe`](Self::describe) gives them.
-    fn first_step(&mut self, cone: &DependencyCone<'_>) -> Vec<Site> {
-        let (scan, options, domain) = (self.scan, self.options, self.domain);
-        let was_exact = self.are_exact();
-        self.figures(|step, identity, mut around| {
-            let moments = step.clip(scan, options, &mut around);
-            let wanted = domain.wants(identity);
-            let site = wanted.then(|| site(identity, step, moments, &mut around));
-            step.go(moments, scan, options, cone, &was_exact, around);
-            site
-        })
-    }
-
-    /// The sites of core and band as they are, with the figures of their
-    /// cells, in the order of their identities.
-    fn describe(&mut self) -> Vec<Site> {
-        let (scan, options, domain) = (self.scan, self.options, self.domain);
-        self.figures(|step, identity, mut around| {
-            domain.wants(identity).then(|| {
-                let moments = step.clip(scan, options, &mut around);
-                site(identity, step, moments, &mut around)
-            })
-        })
-    }
-
-    /// The sites of core and band as [`describe`](Self::describe) gives them, and the rings
-    /// of their neighbours.
-    fn describe_with_rings(&mut self) -> (Vec<Site>, Rings) {
-        let (scan, options, domain) = (self.scan, self.options, self.domain);
-        let count = self.steps.len();
-        let mut found = self.of_all(|step, identity, mut around| {
-            domain.wants(identity).then(|| {
-                let moments = step.clip(scan, options, &mut around);
-                let site = site(identity, step, moments, &mut around);
-                (site, edges(step, moments, &around))
-            })
-        });
-        found.par_sort_unstable_by_key(|(site, _)| site.identity);
-        let (sites, edges): (Vec<Site>, Vec<Edges>) = found.into_iter().unzip();
-        (sites, Rings::new(&edges, count))
-    }
-
-    /// The results of `figure` for the sites, in the order of their identities.
-    fn figures(
-        &mut self,
-        figure: impl Fn(&mut Step, Stored, Around<'_>) -> Option<Site> + Sync,
-    ) -> Vec<Site> {
-        let mut sites = self.of_all(figure);
-        sites.par_sort_unstable_by_key(|site| site.identity);
-        sites
-    }
-
-    /// The results of `figure` for the sites, in the order of the sites; far neighbours may
-    /// close their cells.
-    fn of_all<T: Clone + Send>(
-        &mut self,
-        figure: impl Fn(&mut Step, Stored, Around<'_>) -> Option<T> + Sync,
-    ) -> Vec<T> {
-        let mut found = vec![None; self.steps.len()];
-        by_block(
-            &mut self.steps,
-            &mut found,
-            &self.neighborhoods,
-            self.options,
-            |step, found, mut around| {
-                around.asks_far = true;
-                *found = figure(step, self.identities[around.site], around);
-            },
-        );
-        found.into_par_iter().flatten().collect()
-    }
-
-    /// Which sites are exact.
-    fn are_exact(&self) -> Vec<bool> {
-        self.steps.par_iter().map(|step| step.is_exact).collect()
-    }
-}
-
-/// The site of `step`, by the `moments` of the cell that was clipped last.
-fn site(
-    identity: Stored,
-    step: &mut Step,
-    moments: Option<Moments>,
-    around: &mut Around<'_>,
-) -> Site {
-    let nearest = around.nearest_within(FARTHEST_NEIGHBOR * around.spacing);
-    let surface = step.trusted().map(|fit| fit.patch.upwards());
-    let cell = moments.map(|_| &around.scratch.cell);
-    let neighbors = cell.map_or(0, Cell::neighbor_count);
-    Site {
-        identity,
-        position: around.place,
-        is_exact: step.is_exact,
-        is_fixed: surface.is_none(),
-        normal: surface.map(|(normal, _)| normal),
-        curvature: surface.map_or(f64::NAN, |(_, curvature)| curvature),
-        is_closed: cell.is_some_and(Cell::is_closed),
-        neighbors: u8::try_from(neighbors).unwrap_or(u8::MAX),
-        area: moments.map_or(0.0, |m| m.area),
-        energy: moments.map_or(0.0, |m| m.energy),
-        nearest: nearest.unwrap_or(f64::INFINITY),
-    }
-}
-
-/// The edges of the cell that was clipped last for the site of `step`, if it has `moments`.
-fn edges(step: &mut Step, moments: Option<Moments>, around: &Around<'_>) -> Edges {
-    let patch = step.trusted().map(|fit| fit.patch);
-    let known = patch.filter(|_| moments.is_some()).map(|patch| {
-        let cell = &around.scratch.cell;
-        let edges = cell.edge_neighbors().map(|edge| edge.unwrap_or(GAP));
-        // The order of the cell is that of the patch's frame, whose axis may point downwards.
-        let (normal, _) = patch.upwards();
-        match normal.dot(&patch.axes[2]) < 0.0 {
-            true => edges.rev().collect(),
-            false => edges.collect(),
-        }
-    });
-    Edges {
-        site: around.site as u32,
-        around: known.unwrap_or_default(),
-    }
-}
-
-/// Calls `work` for every site, with its place in `results`, in parallel by blocks.
-fn by_block<T: Send>(
-    steps: &mut [Step],
-    results: &mut [T],
-    neighborhoods: &Neighborhoods,
-    options: &SolverOptions,
-    work: impl Fn(&mut Step, &mut T, Around<'_>) + Sync,
-) {
-    let clearance = clearance(options);
-    let mut rest = (steps, results);
-    let mut blocks = Vec::with_capacity(neighborhoods.blocks().len());
-    for block in neighborhoods.blocks() {
-        let (steps, other_steps) = rest.0.split_at_mut(block.len());
-        let (results, other_results) = rest.1.split_at_mut(block.len());
-        blocks.push((block, steps, results));
-        rest = (other_steps, other_results);
-    }
-    blocks
-        .into_par_iter()
-        .with_max_len(BLOCKS_AT_ONCE)
-        .for_each_init(Scratch::new, |scratch, (block, steps, results)| {
-            scratch.begin(neighborhoods, block);
-            for (site, (step, result)) in block.clone().zip(steps.iter_mut().zip(results)) {
-                // Nobody has looked around this site yet.
-                scratch.neighbors.clear();
-                let around = Around {
-                    site,
-                    place: neighborhoods.places()[site],
-                    spacing: options.spacing,
-                    clearance,
-                    neighborhoods,
-                    block: block.clone(),
-                    links: step.links,
-                    was_open: step.is_open,
-                    asks_far: false,
-                    scratch,
-                };
-                work(step, result, around);
-            }
-        });
-}
-
-/// Distances from the core's `sites` to the nearest others.
-fn sums(domain: &TileRegion, sites: &[Site]) -> DistanceSums {
-    let counts = |site: &&Site| site.nearest.is_finite() && domain.core.contains(site.identity);
-    DistanceSums::of(sites.iter().filter(counts).map(|site| site.nearest))
+    Sites::new(Surface::new(scan, options), region, &identities, &positions).describe()
 }
 
 #[cfg(test)]

@@ -1,14 +1,11 @@
 //! From sites to figures of uniformity.
 
-use super::Site;
+use super::site::Site;
 use crate::quality::{CellFigures, UniformityTally};
 
-/// The nearest distances of `sites`, and the closed cells of those that were moved, tallied for a cloud of
-/// `spacing` (CRS units).
-pub(crate) fn uniformity<'a>(
-    sites: impl IntoIterator<Item = &'a Site>,
-    spacing: f64,
-) -> UniformityTally {
+/// Tallies the nearest distances of `sites`, and the closed cells of those that are not fixed,
+/// for an output at `spacing` (CRS units).
+pub fn uniformity<'a>(sites: impl IntoIterator<Item = &'a Site>, spacing: f64) -> UniformityTally {
     let mut tally = UniformityTally::new(spacing);
     for site in sites {
         if site.nearest.is_finite() {

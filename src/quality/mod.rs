@@ -3,8 +3,11 @@
 //! Tallies take one site at a time and hold a fixed number of bins, whatever
 //! the size of the cloud; they can be added, part by part.
 
+mod deviation;
 mod distances;
 mod uniformity;
 
+pub use deviation::DistanceSums;
+pub(crate) use deviation::delta_squared;
 pub use distances::{DistanceFigures, DistanceTally};
 pub use uniformity::{CellFigures, Uniformity, UniformityTally};

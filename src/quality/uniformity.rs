@@ -17,6 +17,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::deviation::delta;
+
 /// Energy of the regular hexagon over the square of its area: 5√3/54.
 const HEXAGON_ENERGY: f64 = 0.160_375_074_774_896_5;
 
@@ -200,9 +202,7 @@ impl UniformityTally {
         Uniformity {
             alone: self.alone,
             count: self.count,
-            delta: (n * self.squares / (self.sum * self.sum) - 1.0)
-                .clamp(0.0, f64::INFINITY)
-                .sqrt(),
+            delta: delta(n, self.sum, self.squares),
             delta_trimmed: self.delta_trimmed(),
             sigma,
             sigma_over_mean: sigma / mean,
@@ -246,9 +246,7 @@ impl UniformityTally {
             squares += mean * mean * taken as f64;
             rest -= taken;
         }
-        (kept * squares / (sum * sum) - 1.0)
-            .clamp(0.0, f64::INFINITY)
-            .sqrt()
+        delta(kept, sum, squares)
     }
 }
 

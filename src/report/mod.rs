@@ -10,8 +10,7 @@ use serde::Serialize;
 
 use crate::{
     job::{InputCount, Outcome, ResourceSample, StageCost},
-    lloyd::DistanceSums,
-    quality::{DistanceFigures, DistanceTally, Uniformity, UniformityTally},
+    quality::{DistanceFigures, DistanceSums, DistanceTally, Uniformity, UniformityTally},
     views::{DetailView, ViewerSample},
 };
 

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use super::detail::DetailView;
 use crate::{
     geometry::{Quantization, Stored},
-    lloyd::DistanceSums,
+    quality::DistanceSums,
     tile::Spill,
 };
 

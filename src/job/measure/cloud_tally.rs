@@ -96,7 +96,7 @@ impl Measurement<'_> {
         };
         let scan = Scan::as_scanned(cloud, self.quantization, &options);
         let region = TileRegion {
-            known,
+            available: known,
             core,
             band: self.plan.halo,
         };

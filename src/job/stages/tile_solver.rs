@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{
     config::Settings,
-    geometry::{AT_ONCE, Local, NeighborGrid, Rect, Stored},
+    geometry::{ITEMS_PER_TASK, Local, NeighborGrid, Rect, Stored},
     job::{error::JobError, resources::points_for, tile_figures::TileFigures},
     las::RecordFormat,
     lloyd::{Scan, Site, Solution, SolverOptions, TileRegion, solve_watched, uniformity},
@@ -114,7 +114,7 @@ impl TileSolver {
         // Solve.
         watch(0.0);
         let region = TileRegion {
-            known,
+            available: known,
             core: tile.core,
             band: scan
                 .quantization()
@@ -217,7 +217,7 @@ fn coverage(scan: &Scan, sites: &[Site], core: &Rect, spacing: f64) -> DistanceT
     let is_own = |point: &&Stored| core.contains(**point);
     let distances: Vec<f64> = points
         .par_iter()
-        .with_max_len(AT_ONCE)
+        .with_max_len(ITEMS_PER_TASK)
         .filter(is_own)
         .map(to_site)
         .collect();

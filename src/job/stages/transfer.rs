@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::cell_attributes::CellAttributes;
 use crate::{
     config::{ClassRule, ColorRule, Computed, Settings},
-    geometry::{AT_ONCE, Local, NeighborGrid, Quantization, Rect, Stored},
+    geometry::{ITEMS_PER_TASK, Local, NeighborGrid, Quantization, Rect, Stored},
     job::error::JobError,
     las::{RealAttribute, RecordFormat, RecordView},
     lloyd::{Scan, Site},
@@ -79,7 +79,7 @@ impl TransferSites<'_> {
         };
         self.own
             .par_iter()
-            .with_max_len(AT_ONCE)
+            .with_max_len(ITEMS_PER_TASK)
             .map(nearest_of)
             .collect()
     }

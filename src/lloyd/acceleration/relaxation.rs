@@ -1,43 +1,45 @@
 //! Over-relaxation with a local safeguard.
 //!
-//! A site goes beyond its centroid, x + ω (c − x), with an ω of its own. ω
-//! grows while the residuals of the neighbourhood shrink and the site keeps
-//! its direction; it falls back to 1, plain Lloyd, the moment either fails. So
-//! a neighbourhood in which over-relaxation does not pay (edges, poles, leaves)
-//! is spared it, without a look at the rest of the cloud.
+//! A site moves beyond its centroid, x + ω (c − x), with an ω of its own. ω grows while the
+//! residuals of the neighbourhood shrink and the site keeps its direction; it falls back to 1,
+//! plain Lloyd, the moment either fails. A neighbourhood in which over-relaxation does not pay
+//! (edges, poles, leaves) is spared it, whatever happens in the rest of the cloud.
 //!
-//! The safeguard looks at the *last* residuals of the neighbours, not at the
-//! present ones: a step then reaches no farther than a plain Lloyd step does,
-//! and tiles agree as exactly.
+//! The safeguard uses the *last* residuals of the neighbours, not the present ones: influence
+//! then travels no farther than in a plain Lloyd step, and tiles agree as exactly.
 
 use rayon::prelude::*;
 
-use super::acceleration::Iterate;
+use super::iterate::Iterate;
 use crate::geometry::Local;
 
-/// ω gains this much for each iteration that went well …
-const GAIN: f64 = 0.5;
-/// … up to here. At 2 over-relaxation of a quadratic ceases to converge.
-const MOST: f64 = 1.8;
-/// Residuals above this share of the spacing are jumps, not convergence.
-const LARGEST_RESIDUAL: f64 = 0.25;
+/// Growth of ω after an iteration that went well.
+const OMEGA_GAIN: f64 = 0.5;
+/// Largest ω. At 2 over-relaxation of a quadratic ceases to converge.
+const LARGEST_OMEGA: f64 = 1.8;
+/// Residuals longer than this are jumps, not convergence.
+const LARGEST_RESIDUAL_IN_SPACINGS: f64 = 0.25;
 
+/// The memory of over-relaxation for all sites.
 #[derive(Debug)]
-pub(super) struct Relaxation {
+pub(crate) struct Relaxation {
     sites: Vec<Memory>,
 }
 
-/// What a site remembers.
+/// The memory of over-relaxation for one site.
 #[derive(Clone, Copy, Debug)]
 struct Memory {
+    /// The factor of the last move.
     omega: f64,
-    /// Residual of the last iteration …
+    /// The residual of the last iteration (CRS units).
     last: Local,
-    /// … its squared norm, and that of the one before.
+    /// The squared norms of the residuals of the last iteration and of the one before (CRS
+    /// units squared).
     squares: [f64; 2],
 }
 
 impl Relaxation {
+    /// An empty memory for `sites` sites.
     pub(super) fn new(sites: usize) -> Self {
         let fresh = Memory {
             omega: 1.0,
@@ -49,10 +51,11 @@ impl Relaxation {
         }
     }
 
+    /// The next positions of all sites.
     pub(super) fn next(&mut self, iterate: &Iterate<'_>) -> Vec<Local> {
-        let largest = (LARGEST_RESIDUAL * iterate.spacing).powi(2);
+        let largest = (LARGEST_RESIDUAL_IN_SPACINGS * iterate.spacing).powi(2);
         let memory = &self.sites;
-        let (mut places, mut next) = (Vec::new(), Vec::new());
+        let (mut positions, mut next) = (Vec::new(), Vec::new());
         (0..memory.len())
             .into_par_iter()
             .map(|site| {
@@ -68,7 +71,7 @@ impl Relaxation {
                 let shrinks = now <= before;
                 let keeps_direction = residual.dot(&own.last) >= 0.0;
                 let omega = if shrinks && keeps_direction && square <= largest {
-                    (own.omega + GAIN).min(MOST)
+                    (own.omega + OMEGA_GAIN).min(LARGEST_OMEGA)
                 } else {
                     1.0
                 };
@@ -79,8 +82,8 @@ impl Relaxation {
                 };
                 (iterate.sites[site] + residual * omega, memory)
             })
-            .unzip_into_vecs(&mut places, &mut next);
+            .unzip_into_vecs(&mut positions, &mut next);
         self.sites = next;
-        places
+        positions
     }
 }

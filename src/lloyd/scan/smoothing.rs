@@ -1,28 +1,28 @@
-//! Noise is smoothed away before anything else is done, where that is asked for.
+//! Noise is smoothed away before anything else, if the option `smooth` is set.
 //!
-//! Every point is put on the patch of what lies around it, as far as the noise
-//! reaches (paper, section V-D): a site is then elected on the surface, and not
-//! in the band of noise about it. A second time the patches are fitted to what
-//! the first has put near the surface.
+//! Every point is moved onto the patch of its neighbourhood, of the radius of the noise (paper,
+//! section V-D): a site is then elected on the surface, and not in the noise around it. In a
+//! second pass the patches are fitted to the points that the first has moved near the surface.
 
 use rayon::prelude::*;
 
-use super::SolverOptions;
-use crate::geometry::{Local, NeighborGrid, OccupiedCells, Patch, Quantization, Stored, cell_of};
+use crate::{
+    geometry::{Local, NeighborGrid, OccupiedCells, Patch, Quantization, Stored, cell_of},
+    lloyd::SolverOptions,
+};
 
-/// Cells to a radius: their means, some forty to a patch, are what it is fitted
-/// to.
-const CELLS: f64 = 4.0;
+/// Cells to a radius: patches are fitted to the means of cells, some forty to a patch.
+const CELLS_PER_RADIUS: f64 = 4.0;
 
-/// Of what scatters more about its patch than is allowed for this many radii
-/// nobody knows where its surface is.
-const NOISE: f64 = 1.6;
+/// The smallest detail of a surface, in radii: a patch with a residual that is too large for it
+/// stands for no surface.
+const SURFACE_DETAIL_IN_RADII: f64 = 1.6;
 
-/// Times that points are put on patches.
+/// Number of times that points are moved onto patches.
 const PASSES: u32 = 2;
 
-/// `points` on the surface that they are the noisy samples of, for patches of
-/// the radius that `options` ask for. Where there is no surface they stay.
+/// Moves `points` onto the surface that they are noisy samples of, by patches of the radius
+/// `smooth` of `options`. Points without a surface stay.
 pub(super) fn smoothed(
     mut points: Vec<Stored>,
     quantization: &Quantization,
@@ -34,21 +34,23 @@ pub(super) fn smoothed(
     points
 }
 
+/// Moves every point to its foot point on the patch of its cell, if that patch describes a
+/// surface.
 fn on_patches(
     points: Vec<Stored>,
     quantization: &Quantization,
     options: &SolverOptions,
 ) -> Vec<Stored> {
-    let edge = options.smooth / CELLS;
-    // By coordinates within a cell: sums must not depend on the order of files.
+    let edge = options.smooth / CELLS_PER_RADIUS;
+    // Points are sorted within a cell, too: sums must not depend on the order of files.
     let (cells, points) =
         OccupiedCells::sort_points(&points, |p| cell_of(quantization.local(p), edge));
     let ranges: Vec<_> = cells.ranges().collect();
     let means: Vec<Local> = ranges
         .par_iter()
         .map(|range| {
-            let held = points[range.clone()].iter().map(|&p| quantization.local(p));
-            held.sum::<Local>() / range.len() as f64
+            let in_cell = points[range.clone()].iter().map(|&p| quantization.local(p));
+            in_cell.sum::<Local>() / range.len() as f64
         })
         .collect();
     let grid = NeighborGrid::new(&means, 0.5 * options.smooth);
@@ -58,16 +60,16 @@ fn on_patches(
         .map_init(Vec::new, |near, (range, &mean)| {
             grid.gather(mean, options.smooth, near);
             let patch = Patch::fit(mean, near, options.smooth, options.patch)
-                .filter(|patch| patch.describes(NOISE * options.smooth));
-            let put = |&point: &Stored| {
-                let place = patch
+                .filter(|patch| patch.describes(SURFACE_DETAIL_IN_RADII * options.smooth));
+            let moved = |&point: &Stored| {
+                let position = patch
                     .as_ref()
                     .map(|p| p.foot_point(quantization.local(point)));
-                place
-                    .and_then(|place| quantization.stored(place))
+                position
+                    .and_then(|position| quantization.stored(position))
                     .unwrap_or(point)
             };
-            points[range].iter().map(put).collect::<Vec<_>>()
+            points[range].iter().map(moved).collect::<Vec<_>>()
         })
         .flatten_iter()
         .collect()
@@ -95,7 +97,7 @@ mod tests {
         smoothed(points, &QUANTIZATION, &options)
     }
 
-    /// Points of a bent sheet, and beside it one by one their heights above it.
+    /// Points of a bent sheet with noise of this thickness.
     fn noisy(thickness: f64) -> Vec<Stored> {
         (0..40_000)
             .filter_map(|i| {
@@ -135,11 +137,11 @@ mod tests {
     fn leaves_stay_where_they_are() {
         let points: Vec<Stored> = (0..30_000)
             .filter_map(|i| {
-                let place = Local::new(unit(3 * i), unit(3 * i + 1), unit(3 * i + 2));
-                QUANTIZATION.stored(place * 2.0)
+                let position = Local::new(unit(3 * i), unit(3 * i + 1), unit(3 * i + 2));
+                QUANTIZATION.stored(position * 2.0)
             })
             .collect();
-        // In the middle: the outside of a crown does look like a surface.
+        // The outside of a crown does resemble a surface.
         let is_inner = |p: &&Stored| [p.x, p.y, p.z].iter().all(|c| (6_000..14_000).contains(c));
         let known: std::collections::BTreeSet<Stored> = points.iter().copied().collect();
         let after = smooth(points, 0.5);

@@ -1,0 +1,247 @@
+//! Holes are closed, and sparse parts made dense enough, before seeds are elected.
+//!
+//! Far from the scanner points lie farther apart than the sites are to be; seeds that stand on
+//! points leave gaps between them there (paper, section IV-A, Step 2, and V-C). So the surface
+//! itself is put into the gaps: positions on a patch, half a spacing apart, which the rest of
+//! the method takes for samples.
+//!
+//! ```text
+//!    ·  ·  ·  ·  ·         ·  ·  ·  ·
+//!    ·  ·  ·  + +  +   +   ·  ·  ·  ·      · sample    + filling
+//!    ·  ·  ·  ·  + +  +  · ·  ·  ·  ·
+//!            ◄─── fill ───►
+//! ```
+//!
+//! A position is filled if the patch of its nearest landmark describes the scan around it, if
+//! samples of that surface lie all around it (so nothing grows beyond a border), and if the
+//! narrowest way across the gap is no wider than the option `fill`. Wider gaps stay open.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::surroundings::Surroundings;
+use crate::{
+    geometry::{
+        ITEMS_PER_TASK, Local, NeighborGrid, OccupiedCells, Patch, PatchKind, Stored, cell_of,
+    },
+    lloyd::surface::Surface,
+};
+
+/// Distance between the positions of the filling: a patch then finds as many as it needs.
+const PITCH_IN_SPACINGS: f64 = 0.5;
+
+/// Edge of the cells whose samples are one *landmark*, their mean. Gaps are wider than that,
+/// and there are fewer landmarks than samples to examine.
+const LANDMARK_CELL_IN_SPACINGS: f64 = 0.75;
+
+/// A landmark with others in all directions within this distance is at no gap.
+const DENSE_IN_SPACINGS: f64 = 1.6;
+
+/// How far the other side of a gap is searched, in widths of the widest gap: it is not always
+/// straight ahead.
+const SEARCH_IN_FILLS: f64 = 1.5;
+
+/// Radius of the patch across a gap, in widths of the widest gap.
+const FIT_RADIUS_IN_FILLS: f64 = 0.8;
+
+/// The residual of a patch across a gap may be this share of the largest that a patch on
+/// samples may have: a surface that is not seen must be surer than one that is. A ramp from a
+/// wall to the window behind it leaves more.
+const SURENESS: f64 = 0.25;
+
+/// The positions on `surface` that close its holes up to the width of the option `fill`.
+pub(super) fn filling(surface: Surface<'_>) -> Vec<Stored> {
+    if surface.options.fill <= 0.0 {
+        return Vec::new();
+    }
+    let spacing = surface.spacing();
+    let landmarks = landmarks(surface, LANDMARK_CELL_IN_SPACINGS * spacing);
+    let grid = NeighborGrid::new(&landmarks, DENSE_IN_SPACINGS * spacing);
+    let positions = |near: &mut Vec<Local>, &landmark: &Local| match patch_across_gap(
+        landmark, &grid, surface, near,
+    ) {
+        Some(patch) => filled_around(landmark, &patch, surface, near),
+        None => Vec::new(),
+    };
+    landmarks
+        .par_iter()
+        .with_max_len(ITEMS_PER_TASK)
+        .map_init(Vec::new, positions)
+        .flatten_iter()
+        .collect()
+}
+
+/// The landmarks: means of the samples in cells of `edge` (CRS units).
+fn landmarks(surface: Surface<'_>, edge: f64) -> Vec<Local> {
+    let samples = surface.scan.samples().points();
+    let (cells, order) = OccupiedCells::sort(samples, |&p| cell_of(p, edge));
+    let mean = |range: Range<usize>| {
+        let count = range.len() as f64;
+        let in_cell = order[range].iter().map(|&index| samples[index as usize]);
+        in_cell.sum::<Local>() / count
+    };
+    cells
+        .ranges()
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .map(mean)
+        .collect()
+}
+
+/// The patch across the gap at `landmark`, if there is a gap in a surface. It fills `near` with
+/// the landmarks on both sides of the gap.
+fn patch_across_gap(
+    landmark: Local,
+    landmarks: &NeighborGrid,
+    surface: Surface<'_>,
+    near: &mut Vec<Local>,
+) -> Option<Patch> {
+    let (options, spacing) = (surface.options, surface.spacing());
+    let dense = DENSE_IN_SPACINGS * spacing;
+    landmarks.gather(landmark, dense, near);
+    if let Some(patch) = Patch::fit(landmark, near, dense, PatchKind::Plane)
+        && Surroundings::of(landmark, &patch, near, spacing).longest_gap() <= 1
+    {
+        return None;
+    }
+    // Where the samples nearby are no surface, nothing is known of a gap.
+    let samples = surface.scan.samples();
+    samples.gather(landmark, options.fit_radius, near);
+    if Patch::fit(landmark, near, options.fit_radius, options.patch)
+        .is_some_and(|patch| !patch.describes(options.fit_radius))
+    {
+        return None;
+    }
+    landmarks.gather(landmark, SEARCH_IN_FILLS * options.fill, near);
+    let radius = options.fit_radius.max(FIT_RADIUS_IN_FILLS * options.fill);
+    let patch = Patch::fit(landmark, near, radius, options.patch)?;
+    let is_surface = patch.describes(SURENESS * options.fit_radius);
+    (is_surface && Surroundings::of(landmark, &patch, near, spacing).surround()).then_some(patch)
+}
+
+/// The filling on `patch` that is nearer to `landmark` than to any other of the landmarks
+/// `near`.
+fn filled_around(
+    landmark: Local,
+    patch: &Patch,
+    surface: Surface<'_>,
+    near: &[Local],
+) -> Vec<Stored> {
+    let (options, spacing) = (surface.options, surface.spacing());
+    let pitch = PITCH_IN_SPACINGS * spacing;
+    let farthest = 0.5 * options.fill + pitch;
+    let steps = (farthest / pitch) as i32;
+    let mut positions = Vec::new();
+    for i in -steps..=steps {
+        for j in -steps..=steps {
+            let position = patch.point(f64::from(i) * pitch, f64::from(j) * pitch);
+            let own = (position - landmark).norm_squared();
+            let is_nearer = |other: &Local| (position - other).norm_squared() < own;
+            if own > farthest * farthest
+                || surface.scan.is_occupied(position)
+                || near.iter().any(is_nearer)
+            {
+                continue;
+            }
+            let around = Surroundings::of(position, patch, near, spacing);
+            if around.surround() && around.narrowest_way() <= options.fill {
+                positions.extend(surface.quantization().stored(position));
+            }
+        }
+    }
+    positions
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        geometry::{Quantization, spread},
+        lloyd::{Scan, SolverOptions},
+    };
+
+    const QUANTIZATION: Quantization = Quantization {
+        scale: 0.001,
+        offset: [0.0; 3],
+    };
+
+    /// Random points of a bent strip of 20 × 20 where `is_scanned`, `density` to the unit of
+    /// area.
+    fn strip(density: f64, is_scanned: impl Fn(f64, f64) -> bool) -> Vec<Stored> {
+        let unit = |k: u64| spread(k) as f64 / u64::MAX as f64;
+        (0..(400.0 * density) as u64)
+            .map(|i| (20.0 * unit(2 * i), 20.0 * unit(2 * i + 1)))
+            .filter(|&(x, y)| is_scanned(x, y))
+            .filter_map(|(x, y)| QUANTIZATION.stored(Local::new(x, y, 0.02 * x * x)))
+            .collect()
+    }
+
+    fn filled(points: Vec<Stored>, fill: f64) -> Vec<Local> {
+        let options = SolverOptions {
+            fill,
+            ..SolverOptions::new(1.0)
+        };
+        let scan = Scan::new(points, QUANTIZATION, &options);
+        scan.filling()
+            .iter()
+            .map(|&p| QUANTIZATION.local(p))
+            .collect()
+    }
+
+    #[test]
+    fn a_hole_is_closed_if_it_is_no_wider_than_the_option() {
+        let points = || strip(30.0, |x, y| (x - 10.0).hypot(y - 10.0) > 1.4);
+        let positions = filled(points(), 3.2);
+        let is_inside = |p: &&Local| (p.x - 10.0).hypot(p.y - 10.0) < 1.5;
+        let inside = positions.iter().filter(is_inside).count();
+        assert!((8..60).contains(&inside), "{inside}");
+        // Some voxels have no point elsewhere, too.
+        assert!(positions.len() - inside < 8, "{positions:?}");
+        for position in &positions {
+            assert!(
+                (position.z - 0.02 * position.x * position.x).abs() < 0.02,
+                "{position:?}"
+            );
+        }
+        // No position of the hole is far from all of the filling.
+        for (x, y) in [(10.0, 10.0), (9.5, 10.5), (10.8, 9.6)] {
+            let near = |p: &&Local| (p.x - x).hypot(p.y - y) < 0.5;
+            assert!(positions.iter().any(|p| near(&p)), "({x}, {y})");
+        }
+        assert!(filled(points(), 0.0).is_empty());
+        let middle = |p: &Local| (p.x - 10.0).hypot(p.y - 10.0) < 0.7;
+        assert!(!filled(points(), 1.6).iter().any(middle));
+    }
+
+    #[test]
+    fn nothing_grows_beyond_a_border() {
+        let positions = filled(strip(30.0, |_, _| true), 4.0);
+        assert!(positions.len() < 8, "{positions:?}");
+        let is_within = |p: &Local| (0.0..20.0).contains(&p.x) && (0.0..20.0).contains(&p.y);
+        assert!(positions.iter().all(is_within), "{positions:?}");
+        // Nothing grows into a gap that is too wide.
+        let gap = strip(30.0, |x, _| !(8.0..12.5).contains(&x));
+        let inside = filled(gap, 3.0)
+            .into_iter()
+            .filter(|p| (8.3..12.2).contains(&p.x));
+        assert_eq!(inside.count(), 0);
+    }
+
+    #[test]
+    fn a_sparse_scan_is_made_dense() {
+        let positions = filled(strip(0.6, |_, _| true), 5.0);
+        // Four to the unit of area are expected, except along the border.
+        assert!(
+            (600..2200).contains(&positions.len()),
+            "{}",
+            positions.len()
+        );
+        for position in &positions {
+            assert!(
+                (position.z - 0.02 * position.x * position.x).abs() < 0.05,
+                "{position:?}"
+            );
+        }
+    }
+}

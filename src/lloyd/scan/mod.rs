@@ -1,0 +1,12 @@
+//! The scan as the solver sees it: its points by voxel, thinned, smoothed and with its holes
+//! closed, and one sample for each voxel.
+
+mod filling;
+mod nearest;
+mod points;
+mod preparation;
+mod smoothing;
+mod surroundings;
+mod thinning;
+
+pub use points::Scan;

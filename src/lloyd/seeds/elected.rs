@@ -1,0 +1,121 @@
+//! The seeds of an election: nodes of lattices and points of the scan.
+
+use rayon::prelude::*;
+
+use super::{election::Election, nodes::Nodes, rule::SeedRule};
+use crate::{geometry::Stored, lloyd::surface::Surface};
+
+/// The seeds of an election, in no particular order.
+pub(super) fn elected(surface: Surface<'_>) -> Vec<Stored> {
+    let scan = surface.scan;
+    let mut election = Election::new(surface);
+    if surface.options.seeds == SeedRule::Poisson {
+        election.elect(scan.points().iter().copied());
+        return election.seeds;
+    }
+    // Where one lattice ends and the next begins, nodes are nearer to each other than seeds
+    // may be: they are elected, too.
+    let nodes = Nodes::new(surface);
+    election.elect_in_order(nodes.on_surface(surface));
+    // One point to a voxel says where a surface is. Elsewhere every point counts: what no seed
+    // covers there is not covered later.
+    let is_on_surface = |voxel: &&[Stored]| nodes.have(scan.quantization().local(voxel[0]));
+    let (surfaces, loose): (Vec<&[Stored]>, Vec<&[Stored]>) =
+        scan.points_by_voxel().partition(is_on_surface);
+    let surfaces = surfaces.into_par_iter();
+    let surfaces: Vec<Stored> = surfaces.filter_map(|v| scan.representative(v)).collect();
+    election.elect(surfaces.into_iter());
+    election.elect_loose(&loose.concat());
+    election.elect(scan.filling().iter().copied());
+    election.seeds
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        geometry::{Quantization, spread},
+        lloyd::{
+            Scan, SolverOptions,
+            seeds::{AREA_PER_SEED, SeedRule, election::ELECTION_RADIUS_IN_SPACINGS},
+        },
+    };
+
+    /// `n` uniform random points of the unit square.
+    fn sheet(n: u64) -> Vec<Stored> {
+        let coordinate = |k: u64| (spread(k) % 1_000_000) as i32;
+        (0..n)
+            .map(|i| Stored {
+                x: coordinate(2 * i),
+                y: coordinate(2 * i + 1),
+                z: 0,
+            })
+            .collect()
+    }
+
+    fn scan(points: Vec<Stored>, spacing: f64) -> Scan {
+        let quantization = Quantization {
+            scale: 1e-6,
+            offset: [0.0; 3],
+        };
+        let options = SolverOptions {
+            seed: 7,
+            ..SolverOptions::new(spacing)
+        };
+        Scan::as_scanned(points, quantization, &options)
+    }
+
+    #[test]
+    fn no_two_seeds_are_nearer_than_the_radius_and_every_point_is_covered() {
+        let scan = scan(sheet(20_000), 0.03);
+        let radius = ELECTION_RADIUS_IN_SPACINGS * 0.03;
+        let options = SolverOptions {
+            seeds: SeedRule::Poisson,
+            ..SolverOptions::new(0.03)
+        };
+        let seeds = elected(Surface::new(&scan, &options));
+        let is_near = |a: &Stored, b: &Stored| {
+            let position = |s: &Stored| scan.quantization().local(*s);
+            (position(a) - position(b)).norm() < radius
+        };
+        for (i, a) in seeds.iter().enumerate() {
+            assert!(seeds[..i].iter().all(|b| !is_near(a, b)));
+        }
+        let is_covered = |point: &Stored| seeds.iter().any(|seed| is_near(seed, point));
+        assert!(scan.points().iter().all(is_covered));
+    }
+
+    #[test]
+    fn the_election_meets_the_density() {
+        let spacing = 0.01;
+        let wanted = 1.0 / (AREA_PER_SEED * spacing * spacing);
+        let scan = scan(sheet(400_000), spacing);
+        for seeds in [SeedRule::Poisson, SeedRule::Hexagonal] {
+            let options = SolverOptions {
+                seeds,
+                ..SolverOptions::new(spacing)
+            };
+            let ratio = elected(Surface::new(&scan, &options)).len() as f64 / wanted;
+            assert!((0.98..1.03).contains(&ratio), "{seeds:?}: {ratio}");
+        }
+    }
+
+    #[test]
+    fn an_election_does_not_depend_on_points_far_away() {
+        let near = |points: Vec<Stored>, seeds: SeedRule| {
+            let options = SolverOptions {
+                seeds,
+                ..SolverOptions::new(0.02)
+            };
+            let elected = elected(Surface::new(&scan(points, 0.02), &options));
+            let mut near: Vec<Stored> = elected.into_iter().filter(|s| s.x < 300_000).collect();
+            near.sort_unstable();
+            near
+        };
+        let all = sheet(50_000);
+        let part: Vec<Stored> = all.iter().copied().filter(|p| p.x < 600_000).collect();
+        for seeds in [SeedRule::Poisson, SeedRule::Hexagonal] {
+            assert_eq!(near(all.clone(), seeds), near(part.clone(), seeds));
+        }
+    }
+}

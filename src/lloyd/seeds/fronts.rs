@@ -1,0 +1,134 @@
+//! The election where nothing is a surface: leaves, wires, strays.
+//!
+//! Seeds stay where they are elected there, so the election decides how even they are. They are
+//! elected by *fronts*: next to the seeds so far, from the points just beyond the radius.
+//!
+//! ```text
+//!      o   seed          points in the first ring (radius to radius + 0.1 spacings) come first,
+//!    (( o ))             then those of the next ring: most seeds stand at the same distance
+//!      o                 from each other
+//! ```
+//!
+//! Fronts start from the seeds of the surfaces and from some points far from them, and advance
+//! a bounded number of steps, so that none comes from far away.
+
+use rayon::prelude::*;
+
+use super::election::Election;
+use crate::{
+    geometry::{Local, NeighborGrid, Stored, cell_of},
+    lloyd::surface::bounding_box,
+};
+
+/// Radius of the election where nothing is a surface. With the radius of surfaces the seeds
+/// would be nearer to each other than the sites of a surface are once they are even. In a
+/// forest of 0.9 M points (to 1 %) δ is 0.049 with 0.8, 0.053 with 0.85, 0.063 with 0.9; on a
+/// street with trees 0.181, 0.178 and 0.179.
+const LOOSE_RADIUS_IN_SPACINGS: f64 = 0.85;
+
+/// Distance from all other seeds at which a front may start.
+const NUCLEUS_DISTANCE_IN_SPACINGS: f64 = 2.5;
+
+/// Edge of the cells whose points find their seeds together.
+const BRICK_IN_SPACINGS: f64 = 4.0 / 3.0;
+
+/// Widths of the rings beyond the radius, step by step.
+const RINGS_IN_SPACINGS: [f64; 6] = [0.1, 0.1, 0.1, 0.2, 0.2, 0.2];
+
+/// The points that no seed covers yet, in the order of their priorities.
+struct Uncovered {
+    points: Vec<Stored>,
+    positions: Vec<Local>,
+    grid: NeighborGrid,
+    /// Squared distance of each point to the nearest seed (CRS units squared), exact as far as
+    /// it is needed.
+    nearest: Vec<f64>,
+    spacing: f64,
+}
+
+impl Uncovered {
+    /// Takes note of a seed at the point with this `index`, for the points within `reach`
+    /// (spacings).
+    fn cover(&mut self, index: usize, reach: f64) {
+        let center = self.positions[index];
+        let nearest = &mut self.nearest;
+        self.grid
+            .visit_around(center, reach * self.spacing, |other, position| {
+                let known = &mut nearest[other as usize];
+                *known = known.min((position - center).norm_squared());
+            });
+    }
+}
+
+impl Election<'_> {
+    /// Elects seeds among `points`, which lie on no surface and are sorted by voxel.
+    pub(super) fn elect_loose(&mut self, points: &[Stored]) {
+        let spacing = self.surface.spacing();
+        let [farthest, covered] =
+            [NUCLEUS_DISTANCE_IN_SPACINGS, LOOSE_RADIUS_IN_SPACINGS].map(|r| (r * spacing).powi(2));
+        let mut uncovered = self.uncovered(points, covered);
+        let count = uncovered.points.len();
+        for index in 0..count {
+            if uncovered.nearest[index] >= farthest {
+                self.seeds.push(uncovered.points[index]);
+                uncovered.cover(index, NUCLEUS_DISTANCE_IN_SPACINGS);
+            }
+        }
+        // From here on no distance beyond the widest ring is needed.
+        let widest = LOOSE_RADIUS_IN_SPACINGS + RINGS_IN_SPACINGS.into_iter().fold(0.0, f64::max);
+        let mut open: Vec<usize> = (0..count).collect();
+        let endless = std::iter::repeat(f64::INFINITY);
+        for width in RINGS_IN_SPACINGS.into_iter().chain(endless) {
+            open.retain(|&index| uncovered.nearest[index] >= covered);
+            if open.is_empty() {
+                return;
+            }
+            let limit = ((LOOSE_RADIUS_IN_SPACINGS + width) * spacing).powi(2);
+            let is_next = |&index: &usize| uncovered.nearest[index] <= limit;
+            let front: Vec<usize> = open.iter().copied().filter(is_next).collect();
+            for index in front {
+                if uncovered.nearest[index] >= covered {
+                    self.seeds.push(uncovered.points[index]);
+                    uncovered.cover(index, widest);
+                }
+            }
+        }
+    }
+
+    /// The `points` whose squared distance to the nearest seed is at least `covered` (CRS units
+    /// squared).
+    fn uncovered(&self, points: &[Stored], covered: f64) -> Uncovered {
+        let spacing = self.surface.spacing();
+        let earlier = self.grid();
+        let brick_of = |&point: &Stored| cell_of(self.local(point), BRICK_IN_SPACINGS * spacing);
+        let mut left: Vec<(u64, Stored, f64)> = points
+            .par_chunk_by(|a, b| brick_of(a) == brick_of(b))
+            .map_init(Vec::new, |seeds, points| {
+                let [low, high] = bounding_box(points.iter().map(|&point| self.local(point)));
+                let reach = Local::repeat(NUCLEUS_DISTANCE_IN_SPACINGS * spacing);
+                seeds.clear();
+                earlier.visit_box(low - reach, high + reach, |_, seed| seeds.push(seed));
+                let with_distance = |&point: &Stored| {
+                    let position = self.local(point);
+                    let squares = seeds.iter().map(|seed| (seed - position).norm_squared());
+                    let nearest = squares.fold(f64::INFINITY, f64::min);
+                    (self.priority(point), point, nearest)
+                };
+                let uncovered = points.iter().map(with_distance);
+                uncovered
+                    .filter(|&(.., squared)| squared >= covered)
+                    .collect::<Vec<_>>()
+            })
+            .flatten_iter()
+            .collect();
+        left.par_sort_unstable_by_key(|&(priority, point, _)| (priority, point));
+        let positions: Vec<Local> = left.iter().map(|&(_, p, _)| self.local(p)).collect();
+        Uncovered {
+            grid: NeighborGrid::new(&positions, spacing),
+            nearest: left.iter().map(|&(.., squared)| squared).collect(),
+            points: left.into_iter().map(|(_, point, _)| point).collect(),
+            positions,
+            spacing,
+        }
+    }
+}

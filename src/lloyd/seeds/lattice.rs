@@ -1,0 +1,119 @@
+//! A hexagonal lattice in a plane through the origin of the run.
+//!
+//! ```text
+//!   row 1     o   o   o        edge: the spacing
+//!   row 0   o   o   o   o      distance of the rows: √3/2 spacings
+//! ```
+//!
+//! The lattice follows from a normal alone, rounded to one of a few directions: two tiles, and
+//! two ends of a long wall, have the same nodes. Only products and roots are used, so that
+//! every machine finds the same bits.
+
+use crate::geometry::Local;
+
+/// Distance between the rows of a hexagonal lattice: √3/2.
+pub(super) const ROW_IN_SPACINGS: f64 = 0.866_025_403_784_438_6;
+
+/// Area to a seed, in squared spacings: the hexagon's.
+pub const AREA_PER_SEED: f64 = ROW_IN_SPACINGS;
+
+/// A component of a normal, over the largest, is rounded to 0, ± this or ± 1. With a finer
+/// step a curved surface falls into more grains; with a coarser one a lattice is stretched by
+/// more than a twentieth on the planes that it serves. On a sphere (300 K points, 10 K sites,
+/// 20 iterations) the energy ratio is 1.014 with no step between 0 and 1, 1.006 with this one,
+/// 1.010 with steps of 0.4.
+const NORMAL_STEP: f64 = 2.0 / 3.0;
+
+/// A hexagonal lattice by the directions along and across its rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Lattice {
+    /// The rounded normal; equal lattices have equal keys.
+    pub(super) key: [i8; 4],
+    /// Unit vectors along and across the rows.
+    axes: [Local; 2],
+}
+
+/// The node of a lattice nearest to a position.
+pub(super) struct NearestNode {
+    /// The row and the column of the node.
+    pub(super) index: [i64; 2],
+    /// The way from the node to the position along and across the rows (spacings).
+    pub(super) way: [f64; 2],
+}
+
+impl Lattice {
+    /// The lattice in the plane with the normal `normal`, rounded.
+    pub(super) fn across(normal: Local) -> Self {
+        let largest = normal.iamax();
+        let mut steps = normal.map(|c| (c / normal[largest] / NORMAL_STEP).round());
+        steps[largest] = 2.0;
+        let n = steps
+            .map(|c| (c * NORMAL_STEP).clamp(-1.0, 1.0))
+            .normalize();
+        let mut u = Local::zeros();
+        u[(largest + 1) % 3] = 1.0;
+        let u = (u - n * n.dot(&u)).normalize();
+        let [x, y, z] = steps.map(|c| c as i8).into();
+        Self {
+            key: [largest as i8, x, y, z],
+            axes: [u, n.cross(&u)],
+        }
+    }
+
+    /// The node nearest to `position`, for an edge of `spacing` (CRS units).
+    pub(super) fn nearest_node(&self, position: Local, spacing: f64) -> NearestNode {
+        let [s, t] = self.axes.map(|axis| axis.dot(&position) / spacing);
+        let below = (t / ROW_IN_SPACINGS).floor();
+        let [lower, upper] = [below, below + 1.0].map(|row| {
+            let line = row as i64;
+            let shift = 0.5 * (line & 1) as f64;
+            let column = (s - shift).round();
+            NearestNode {
+                index: [line, column as i64],
+                way: [s - shift - column, t - row * ROW_IN_SPACINGS],
+            }
+        });
+        if lower.squared() <= upper.squared() {
+            lower
+        } else {
+            upper
+        }
+    }
+
+    /// Moves `position` within the plane of the lattice to stand straight above or below the
+    /// node nearest to it.
+    pub(super) fn to_node(&self, position: Local, spacing: f64) -> Local {
+        let [along, across] = self.nearest_node(position, spacing).way;
+        position - (self.axes[0] * along + self.axes[1] * across) * spacing
+    }
+}
+
+impl NearestNode {
+    /// Squared distance (spacings squared) from the position to the line through the node
+    /// along the normal.
+    pub(super) fn squared(&self) -> f64 {
+        let [along, across] = self.way;
+        along * along + across * across
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn planes_of_like_normals_have_the_same_lattice() {
+        let turned = |by: f64| Lattice::across(Local::new(0.03 * by, -0.02, 1.0));
+        assert_eq!(turned(1.0), turned(-2.0));
+        // The side from which a plane is seen does not matter.
+        assert_eq!(
+            Lattice::across(Local::new(0.1, 0.9, -0.2)),
+            Lattice::across(-Local::new(0.1, 0.9, -0.2))
+        );
+        for normal in [Local::new(0.5, 0.6, 1.0), Local::new(-1.0, 0.2, 0.1)] {
+            let [u, v] = Lattice::across(normal).axes;
+            assert!(u.dot(&v).abs() < 1e-12 && (u.norm() - 1.0).abs() < 1e-12);
+            assert!(u.cross(&v).dot(&normal.normalize()).abs() > 0.93);
+        }
+    }
+}

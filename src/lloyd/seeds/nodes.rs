@@ -1,0 +1,238 @@
+//! Nodes of hexagonal lattices, for seeds to be elected at.
+//!
+//! The most even cover of a plane is a hexagonal lattice. So where the scan has a surface, the
+//! nodes of a lattice in its plane, put on the patches, are elected first. Where the surface
+//! bends, one lattice gives way to the next, and points of the scan fill what is left between
+//! them.
+//!
+//! Lloyd's method alone never gets there: from random seeds it ends in small grains with
+//! defects all around, and every pair of defects takes hundreds of iterations to meet and
+//! vanish.
+//!
+//! Nothing here knows of tiles: the lattice follows from the normals of the surface, and is
+//! anchored at the run's origin.
+
+use std::cmp::Ordering;
+
+use rayon::prelude::*;
+
+use super::{
+    lattice::Lattice,
+    normals::{LatticeCells, by_block},
+};
+use crate::{
+    geometry::{Local, Stored},
+    lloyd::{
+        step::{Fit, Samples},
+        surface::Surface,
+    },
+};
+
+/// Samples nearer to each other than this whose nearest node is the same are of one surface.
+const SAME_NODE_IN_SPACINGS: f64 = 0.8;
+
+/// The lattices of a scan.
+pub(super) struct Nodes {
+    spacing: f64,
+    lattices: LatticeCells,
+}
+
+/// A sample near a node.
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    lattice: Lattice,
+    /// The row and the column of the node.
+    node: [i64; 2],
+    /// Squared distance (spacings squared) from the line through the node along the normal.
+    squared: f64,
+    sample: Local,
+}
+
+impl Nodes {
+    /// The lattices of `surface`, with edges of its spacing.
+    pub(super) fn new(surface: Surface<'_>) -> Self {
+        Self {
+            spacing: surface.spacing(),
+            lattices: LatticeCells::new(surface),
+        }
+    }
+
+    /// Whether there is a lattice, and so a surface, at `position`.
+    pub(super) fn have(&self, position: Local) -> bool {
+        self.lattices.have(position)
+    }
+
+    /// The nodes that lie on `surface`, moved onto its patches, each with the distance to the
+    /// sample that it was found from (thousandths of a spacing).
+    pub(super) fn on_surface(&self, surface: Surface<'_>) -> Vec<(u32, Stored)> {
+        let candidates = self.candidates(surface.scan.samples().points());
+        let above: Vec<Local> = candidates
+            .iter()
+            .map(|own| own.lattice.to_node(own.sample, self.spacing))
+            .collect();
+        by_block(&above, surface, |samples, own| {
+            let candidate = &candidates[own];
+            let position = self.on_patch(candidate, above[own], surface, samples)?;
+            let rank = (candidate.squared.sqrt() * 1e3) as u32;
+            Some((rank, surface.quantization().stored(position)?))
+        })
+    }
+
+    /// For every node near a surface the sample nearest to it.
+    fn candidates(&self, samples: &[Local]) -> Vec<Candidate> {
+        let LatticeCells {
+            cells,
+            order,
+            lattices,
+            ..
+        } = &self.lattices;
+        let cells: Vec<_> = cells.ranges().zip(lattices).collect();
+        let mut candidates: Vec<Candidate> = cells
+            .into_par_iter()
+            .filter_map(|(range, lattice)| Some((&order[range], (*lattice)?)))
+            .map(|(indices, lattice)| {
+                self.candidates_of_cell(indices.iter().map(|&i| samples[i as usize]), lattice)
+            })
+            .flatten_iter()
+            .collect();
+        candidates.par_sort_unstable_by(Candidate::cmp);
+        // Most nodes were found from more than one cell.
+        let is_best = |own: &Candidate, others: &[Candidate]| {
+            let near = SAME_NODE_IN_SPACINGS * self.spacing;
+            let is_own = |other: &Candidate| (other.sample - own.sample).norm() < near;
+            !others
+                .iter()
+                .take_while(|other| other.cmp(own).is_lt())
+                .any(is_own)
+        };
+        candidates
+            .par_chunk_by(|a, b| a.node == b.node && a.lattice.key == b.lattice.key)
+            .flat_map_iter(|found| found.iter().filter(|own| is_best(own, found)).copied())
+            .collect()
+    }
+
+    /// For every node the nearest of the `samples` of a cell with this `lattice`.
+    fn candidates_of_cell(
+        &self,
+        samples: impl Iterator<Item = Local>,
+        lattice: Lattice,
+    ) -> Vec<Candidate> {
+        let mut best: Vec<Candidate> = Vec::new();
+        for sample in samples {
+            let nearest = lattice.nearest_node(sample, self.spacing);
+            let candidate = Candidate {
+                lattice,
+                node: nearest.index,
+                squared: nearest.squared(),
+                sample,
+            };
+            match best.iter_mut().find(|known| known.node == candidate.node) {
+                Some(known) if candidate.squared < known.squared => *known = candidate,
+                Some(_) => {}
+                None => best.push(candidate),
+            }
+        }
+        best
+    }
+
+    /// The node of `candidate` on the patch of `surface` at the position `above` it, if the
+    /// node is near the scan.
+    fn on_patch(
+        &self,
+        candidate: &Candidate,
+        above: Local,
+        surface: Surface<'_>,
+        samples: &mut Samples,
+    ) -> Option<Local> {
+        let mut fit = Fit::new(above, samples, surface.options)?;
+        // The patch may be tilted against the lattice: its foot is a little beside the node,
+        // and much less so the second time.
+        let foot = fit.patch.foot_point(above);
+        let node = candidate.lattice.to_node(foot, self.spacing);
+        let position = fit.patch.foot_point(node);
+        (fit.is_trusted() && fit.allows(position, surface)).then_some(position)
+    }
+}
+
+impl Candidate {
+    /// The order by lattice, node, and distance from the node.
+    fn cmp(&self, other: &Self) -> Ordering {
+        let coordinates = |candidate: &Self| -> [f64; 3] { candidate.sample.into() };
+        let key = |candidate: &Self| (candidate.lattice.key, candidate.node);
+        key(self)
+            .cmp(&key(other))
+            .then(self.squared.total_cmp(&other.squared))
+            .then_with(|| {
+                let [own, other] = [self, other].map(coordinates);
+                let both = own.iter().zip(&other);
+                both.map(|(a, b)| a.total_cmp(b))
+                    .find(|order| order.is_ne())
+                    .unwrap_or(Ordering::Equal)
+            })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        geometry::Quantization,
+        lloyd::{Scan, SolverOptions, seeds::lattice::ROW_IN_SPACINGS},
+    };
+
+    const QUANTIZATION: Quantization = Quantization {
+        scale: 0.001,
+        offset: [0.0; 3],
+    };
+
+    /// A plane through the origin that contains `u` and `v`, with a point every 50 stored units.
+    fn plane(u: Local, v: Local) -> (Nodes, Scan, SolverOptions) {
+        let points: Vec<Stored> = (-60..60)
+            .flat_map(|i| (-60..60).map(move |j| (f64::from(i), f64::from(j))))
+            .filter_map(|(i, j)| QUANTIZATION.stored(u * (0.05 * i) + v * (0.05 * j)))
+            .collect();
+        let options = SolverOptions::new(0.5);
+        let scan = Scan::as_scanned(points, QUANTIZATION, &options);
+        (Nodes::new(Surface::new(&scan, &options)), scan, options)
+    }
+
+    #[test]
+    fn the_nodes_of_the_ground_are_those_of_the_hexagonal_lattice() {
+        let (nodes, scan, options) = plane(Local::x(), Local::y());
+        let mut positions: Vec<Local> = nodes
+            .on_surface(Surface::new(&scan, &options))
+            .into_iter()
+            .map(|(_, position)| QUANTIZATION.local(position) / 0.5)
+            .filter(|position| position.norm() < 4.0)
+            .collect();
+        let mut count = 0;
+        for (i, j) in (-6..6).flat_map(|i| (-6..6).map(move |j| (f64::from(i), f64::from(j)))) {
+            let node = Local::new(i + 0.5 * j, ROW_IN_SPACINGS * j, 0.0);
+            let is_it = |position: &Local| (position - node).norm() < 0.005;
+            count += usize::from(positions.iter().any(is_it));
+            positions.retain(|position| !is_it(position));
+        }
+        // The disc has room for this many.
+        assert!((50..=64).contains(&count), "{count}");
+        assert!(positions.is_empty(), "{positions:?}");
+    }
+
+    #[test]
+    fn there_is_no_lattice_without_points_or_without_a_surface() {
+        let (nodes, ..) = plane(Local::x(), Local::z());
+        assert!(!nodes.have(Local::new(0.0, 10.0, 0.0)));
+        assert!(nodes.have(Local::zeros()));
+        let wire: Vec<Stored> = (0..2000)
+            .map(|x| Stored {
+                x: 5 * x,
+                y: 0,
+                z: 0,
+            })
+            .collect();
+        let options = SolverOptions::new(0.5);
+        let scan = Scan::as_scanned(wire, QUANTIZATION, &options);
+        let nodes = Nodes::new(Surface::new(&scan, &options));
+        assert!(!nodes.have(Local::new(1.0, 0.0, 0.0)));
+        assert!(nodes.on_surface(Surface::new(&scan, &options)).is_empty());
+    }
+}

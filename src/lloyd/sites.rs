@@ -1,0 +1,285 @@
+//! The sites of a cloud on their way from seeds to the solution.
+
+use rayon::prelude::*;
+
+use super::{
+    region::{DependencyCone, TileRegion},
+    rings::{Edges, GAP, Rings},
+    site::{FARTHEST_NEIGHBOR_IN_SPACINGS, Site},
+    step::{
+        BLOCK_EDGE_IN_SPACINGS, BLOCKS_PER_TASK, Iteration, Neighborhoods, Scratch, Step, Vicinity,
+        clearance,
+    },
+    surface::Surface,
+};
+use crate::{
+    geometry::{Cell, ITEMS_PER_TASK, Local, Moments, OccupiedCells, Stored, cell_of},
+    quality::DistanceSums,
+};
+
+/// The sites of a cloud on their way, in the order of their blocks, and of their identities
+/// within a block.
+pub(super) struct Sites<'a> {
+    surface: Surface<'a>,
+    region: &'a TileRegion,
+    pub(super) identities: Vec<Stored>,
+    pub(super) neighborhoods: Neighborhoods,
+    pub(super) steps: Vec<Step>,
+}
+
+impl<'a> Sites<'a> {
+    /// Sites that start at `positions`; `identities` must be sorted.
+    pub(super) fn new(
+        surface: Surface<'a>,
+        region: &'a TileRegion,
+        identities: &[Stored],
+        positions: &[Local],
+    ) -> Self {
+        let spacing = surface.spacing();
+        let edge = BLOCK_EDGE_IN_SPACINGS * spacing;
+        let (blocks, order) = OccupiedCells::sort(positions, |&p| cell_of(p, edge));
+        let positions: Vec<Local> = order.iter().map(|&i| positions[i as usize]).collect();
+        Self {
+            surface,
+            region,
+            identities: order.iter().map(|&i| identities[i as usize]).collect(),
+            steps: positions.par_iter().map(|&p| Step::new(p)).collect(),
+            neighborhoods: Neighborhoods::new(positions, blocks.ranges().collect(), spacing),
+        }
+    }
+
+    /// Marks the sites whose seeds every tile elects as exact.
+    pub(super) fn mark_exact_seeds(&mut self, cone: &DependencyCone<'_>) {
+        for (step, &identity) in self.steps.iter_mut().zip(&self.identities) {
+            step.is_exact = cone.is_right_seed(identity);
+        }
+    }
+
+    /// Computes the first Lloyd step of all sites, and gives the wanted sites with the figures
+    /// of their cells before it, as [`describe`](Self::describe) does.
+    pub(super) fn first_step(&mut self, cone: &DependencyCone<'_>) -> Vec<Site> {
+        let (surface, region) = (self.surface, self.region);
+        let was_exact = self.are_exact();
+        let iteration = Iteration {
+            surface,
+            cone,
+            was_exact: &was_exact,
+        };
+        let sites = self.of_all(|step, identity, mut vicinity| {
+            let moments = step.clip(surface, &mut vicinity);
+            let wanted = region.wants(identity);
+            let site = wanted.then(|| site(identity, step, moments, &mut vicinity));
+            step.to_centroid(moments, iteration, vicinity);
+            site
+        });
+        by_identity(sites, |site| site.identity)
+    }
+
+    /// Computes the Lloyd step of every site that still matters. Gives the distances from the
+    /// core's sites to their nearest neighbours before the step.
+    pub(super) fn lloyd_step(&mut self, cone: &DependencyCone<'_>, iteration: u32) -> DistanceSums {
+        let (surface, region, identities) = (self.surface, self.region, &self.identities);
+        let matters = |site: usize| cone.matters(identities[site], iteration);
+        let was_exact = self.are_exact();
+        self.steps
+            .par_iter_mut()
+            .zip(self.neighborhoods.positions())
+            .enumerate()
+            .filter(|&(site, _)| !matters(site))
+            .for_each(|(_, (step, &position))| step.retire(position));
+        let iteration = Iteration {
+            surface,
+            cone,
+            was_exact: &was_exact,
+        };
+        let mut nearest = vec![None; self.steps.len()];
+        by_block(
+            &mut self.steps,
+            &mut nearest,
+            &self.neighborhoods,
+            surface,
+            |step, nearest, vicinity| {
+                let site = vicinity.site;
+                if matters(site) {
+                    step.advance(iteration, vicinity);
+                    *nearest = step
+                        .nearest
+                        .filter(|_| region.core.contains(identities[site]));
+                }
+            },
+        );
+        DistanceSums::of(nearest.into_iter().flatten())
+    }
+
+    /// Moves the sites to the positions `next`, projected and restricted; where that is not
+    /// allowed, to the targets of their Lloyd steps.
+    pub(super) fn move_to(&mut self, mut next: Vec<Local>) {
+        let surface = self.surface;
+        next.par_iter_mut()
+            .zip(&mut self.steps)
+            .zip(self.neighborhoods.positions())
+            .with_max_len(ITEMS_PER_TASK)
+            .for_each(|((position, step), before)| {
+                let target = step.target;
+                if *position == target {
+                    return;
+                }
+                *position = match &mut step.fit {
+                    Some(fit) => {
+                        let foot = fit.patch.foot_point(*position);
+                        let is_clear = (foot - before).norm() <= step.free;
+                        let is_allowed = is_clear && fit.allows(foot, surface);
+                        if is_allowed { foot } else { target }
+                    }
+                    None => target,
+                };
+            });
+        self.neighborhoods.move_to(next);
+    }
+
+    /// The wanted sites with the figures of their cells, in the order of their identities.
+    pub(super) fn describe(&mut self) -> Vec<Site> {
+        let (surface, region) = (self.surface, self.region);
+        let sites = self.of_all(|step, identity, mut vicinity| {
+            region.wants(identity).then(|| {
+                let moments = step.clip(surface, &mut vicinity);
+                site(identity, step, moments, &mut vicinity)
+            })
+        });
+        by_identity(sites, |site| site.identity)
+    }
+
+    /// The wanted sites as [`describe`](Self::describe) gives them, and the rings of their
+    /// neighbours.
+    pub(super) fn describe_with_rings(&mut self) -> (Vec<Site>, Rings) {
+        let (surface, region, count) = (self.surface, self.region, self.steps.len());
+        let found = self.of_all(|step, identity, mut vicinity| {
+            region.wants(identity).then(|| {
+                let moments = step.clip(surface, &mut vicinity);
+                let site = site(identity, step, moments, &mut vicinity);
+                (site, edges(step, moments, &vicinity))
+            })
+        });
+        let found = by_identity(found, |(site, _)| site.identity);
+        let (sites, edges): (Vec<Site>, Vec<Edges>) = found.into_iter().unzip();
+        (sites, Rings::new(&edges, count))
+    }
+
+    /// The results of `work` for the sites, in the order of the blocks; far neighbours may
+    /// close their cells.
+    fn of_all<T: Clone + Send>(
+        &mut self,
+        work: impl Fn(&mut Step, Stored, Vicinity<'_>) -> Option<T> + Sync,
+    ) -> Vec<T> {
+        let mut found = vec![None; self.steps.len()];
+        by_block(
+            &mut self.steps,
+            &mut found,
+            &self.neighborhoods,
+            self.surface,
+            |step, found, mut vicinity| {
+                vicinity.may_close_far = true;
+                *found = work(step, self.identities[vicinity.site], vicinity);
+            },
+        );
+        found.into_par_iter().flatten().collect()
+    }
+
+    /// Whether each site is exact.
+    fn are_exact(&self) -> Vec<bool> {
+        self.steps.par_iter().map(|step| step.is_exact).collect()
+    }
+}
+
+/// Sorts `found` by the identities of the sites, which are unique.
+fn by_identity<T: Send>(mut found: Vec<T>, identity: impl Fn(&T) -> Stored + Sync) -> Vec<T> {
+    found.par_sort_unstable_by_key(identity);
+    found
+}
+
+/// The site of `step` with the figures of the cell that was clipped last, with `moments`.
+fn site(
+    identity: Stored,
+    step: &mut Step,
+    moments: Option<Moments>,
+    vicinity: &mut Vicinity<'_>,
+) -> Site {
+    let nearest = vicinity.nearest_within(FARTHEST_NEIGHBOR_IN_SPACINGS * vicinity.spacing);
+    let surface = step.trusted().map(|fit| fit.patch.upwards());
+    let cell = moments.map(|_| &vicinity.scratch.cell);
+    let neighbors = cell.map_or(0, Cell::neighbor_count);
+    Site {
+        identity,
+        position: vicinity.position,
+        is_exact: step.is_exact,
+        is_fixed: surface.is_none(),
+        normal: surface.map(|(normal, _)| normal),
+        curvature: surface.map_or(f64::NAN, |(_, curvature)| curvature),
+        is_closed: cell.is_some_and(Cell::is_closed),
+        neighbors: u8::try_from(neighbors).unwrap_or(u8::MAX),
+        area: moments.map_or(0.0, |m| m.area),
+        energy: moments.map_or(0.0, |m| m.energy),
+        nearest: nearest.unwrap_or(f64::INFINITY),
+    }
+}
+
+/// The edges of the cell that was clipped last for the site of `step`; none without `moments`.
+fn edges(step: &mut Step, moments: Option<Moments>, vicinity: &Vicinity<'_>) -> Edges {
+    let patch = step.trusted().map(|fit| fit.patch);
+    let around = patch.filter(|_| moments.is_some()).map(|patch| {
+        let cell = &vicinity.scratch.cell;
+        let edges = cell.edge_neighbors().map(|edge| edge.unwrap_or(GAP));
+        // The order of the cell is that of the patch's frame, whose axis may point downwards.
+        let (normal, _) = patch.upwards();
+        match normal.dot(&patch.axes[2]) < 0.0 {
+            true => edges.rev().collect(),
+            false => edges.collect(),
+        }
+    });
+    Edges {
+        site: vicinity.site as u32,
+        around: around.unwrap_or_default(),
+    }
+}
+
+/// Calls `work` for every site and its entry of `results`, in parallel by blocks.
+fn by_block<T: Send>(
+    steps: &mut [Step],
+    results: &mut [T],
+    neighborhoods: &Neighborhoods,
+    surface: Surface<'_>,
+    work: impl Fn(&mut Step, &mut T, Vicinity<'_>) + Sync,
+) {
+    let clearance = clearance(surface.options);
+    let mut rest = (steps, results);
+    let mut blocks = Vec::with_capacity(neighborhoods.blocks().len());
+    for block in neighborhoods.blocks() {
+        let (steps, other_steps) = rest.0.split_at_mut(block.len());
+        let (results, other_results) = rest.1.split_at_mut(block.len());
+        blocks.push((block, steps, results));
+        rest = (other_steps, other_results);
+    }
+    blocks
+        .into_par_iter()
+        .with_max_len(BLOCKS_PER_TASK)
+        .for_each_init(Scratch::new, |scratch, (block, steps, results)| {
+            scratch.begin(neighborhoods, block);
+            for (site, (step, result)) in block.clone().zip(steps.iter_mut().zip(results)) {
+                // The neighbours of the last site are not those of this one.
+                scratch.neighbors.clear();
+                let vicinity = Vicinity {
+                    site,
+                    position: neighborhoods.positions()[site],
+                    spacing: surface.spacing(),
+                    clearance,
+                    neighborhoods,
+                    block: block.clone(),
+                    links: step.links,
+                    was_open: step.is_open,
+                    may_close_far: false,
+                    scratch,
+                };
+                work(step, result, vicinity);
+            }
+        });
+}

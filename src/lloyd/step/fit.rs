@@ -1,0 +1,178 @@
+//! III-B: the patch of a site, and what the fit knows of the scan around it.
+
+use super::samples::Samples;
+use crate::{
+    geometry::{BOUNDING_SIDES, Local, Patch, PatchKind, Reach, bounding_corners},
+    lloyd::{SolverOptions, surface::Surface},
+};
+
+/// Radius of the polygon that a cell is clipped from. Seeds cover surfaces at 0.745 spacings,
+/// so no cell inside one reaches it.
+pub(super) const BOUNDING_RADIUS_IN_SPACINGS: f64 = 1.0;
+
+/// A patch stays in use until its site has moved this far from where it was fitted: the fit's
+/// weights fall off over 1.2 spacings.
+const PATCH_SKIN_IN_SPACINGS: f64 = 0.1;
+
+/// Farthest from a patch that a sample of its surface lies.
+pub(crate) const SHEET_THICKNESS_IN_SPACINGS: f64 = 0.25;
+
+/// A sample lies towards a corner of the bounding polygon if the cosine between the two
+/// directions is at least this: an angle of up to 26°.
+const CORNER_COSINE: f64 = 0.9;
+
+/// A sample stands for the surface this far around it, at least.
+const SAMPLE_REACH_IN_SPACINGS: f64 = 0.42;
+
+/// A patch with a larger residual is near an edge.
+const SHARP_IN_SPACINGS: f64 = 0.02;
+/// The excess of the residual at which the fit radius is reduced the most.
+const SHARPEST_EXCESS_IN_SPACINGS: f64 = 0.06;
+/// Largest share by which the fit radius is reduced near an edge, so as not to round it.
+const LARGEST_REDUCTION: f64 = 0.15;
+/// Fewest samples of a fit with a reduced radius.
+const REDUCED_SUPPORT: u32 = 12;
+/// A fit with a reduced radius is taken if its residual is smaller by this factor.
+const REDUCED_RESIDUAL: f64 = 0.9;
+
+/// A patch, and what the fit knows of the scan around it.
+#[derive(Clone, Debug)]
+pub(crate) struct Fit {
+    pub(crate) patch: Patch,
+    /// The position of the site when the patch was fitted.
+    anchor: Local,
+    /// Spacing of the scan around the site (CRS units).
+    input_spacing: f64,
+    /// The share of a step that the patch is trusted for: 0 for none.
+    pub(super) trust: f64,
+    /// The point that the boundary restriction found last: the next position of the site is
+    /// near it, too, more often than not.
+    witness: Local,
+    /// How far the scan reaches around the anchor on the patch; computed on demand.
+    scanned: Option<Box<Reach>>,
+}
+
+impl Fit {
+    /// Fits the patch at `site`, a position in the box of `samples`; `None` where the scan has
+    /// no surface.
+    pub(crate) fn new(site: Local, samples: &mut Samples, options: &SolverOptions) -> Option<Self> {
+        let radius = options.fit_radius;
+        let (near, points) = samples.in_ball(site, radius);
+        let patch = Patch::fit(site, near, radius, options.patch)?;
+        Some(Self {
+            patch: sharper(&patch, site, near, options).unwrap_or(patch),
+            anchor: site,
+            input_spacing: radius * (std::f64::consts::PI / points as f64).sqrt(),
+            // A sharper patch finds a surface in leaves, too.
+            trust: patch.trust(radius.max(options.spacing)),
+            witness: Local::repeat(f64::NAN),
+            scanned: None,
+        })
+    }
+
+    /// Whether the patch still stands for the surface at `site`.
+    pub(super) fn is_valid_at(&self, site: Local, spacing: f64) -> bool {
+        let skin = PATCH_SKIN_IN_SPACINGS * spacing;
+        (site - self.anchor).norm_squared() <= skin * skin
+    }
+
+    /// Whether the patch describes its neighbourhood well enough to move by.
+    pub(crate) fn is_trusted(&self) -> bool {
+        self.trust > 0.0
+    }
+
+    /// The move from `position` towards `centroid` on the patch: the less the patch is
+    /// trusted, the shorter.
+    pub(super) fn step_towards(&self, centroid: Local, position: Local) -> Local {
+        (self.patch.foot_point(centroid) - position) * self.trust
+    }
+
+    /// How far the scan reaches around `site` on the patch, at most as far as the bounding
+    /// polygon (CRS units). The ball of `samples` is lost.
+    pub(super) fn scanned_reach(
+        &mut self,
+        site: Local,
+        surface: Surface<'_>,
+        samples: &mut Samples,
+    ) -> Reach {
+        let spacing = surface.spacing();
+        let Self {
+            patch,
+            anchor,
+            scanned,
+            ..
+        } = self;
+        let from_anchor = scanned.get_or_insert_with(|| {
+            let within = samples.in_fit_radius(*anchor, surface);
+            Box::new(reach_of(within, patch, *anchor, spacing))
+        });
+        let margin = (0.5 * self.input_spacing).max(SAMPLE_REACH_IN_SPACINGS * spacing);
+        let way = site - *anchor;
+        let [u, v] = [0, 1].map(|axis| patch.axes[axis].dot(&way));
+        let mut reach = **from_anchor;
+        for (reach, [cos, sin]) in reach.iter_mut().zip(bounding_corners()) {
+            let left = (*reach - u * cos - v * sin).max(0.0);
+            *reach = (left + margin).min(BOUNDING_RADIUS_IN_SPACINGS * spacing);
+        }
+        reach
+    }
+
+    /// The boundary restriction (paper, section IV-E): whether the site may move to
+    /// `position`.
+    pub(crate) fn allows(&mut self, position: Local, surface: Surface<'_>) -> bool {
+        let threshold = surface
+            .options
+            .restriction
+            .threshold(self.input_spacing, surface.spacing());
+        if threshold.is_infinite() {
+            return position.iter().all(|c| c.is_finite());
+        }
+        // Both comparisons refuse NaN.
+        if (position - self.witness).norm_squared() <= threshold * threshold {
+            return true;
+        }
+        let found = surface.scan.some_point_within(position, threshold);
+        self.witness = found.unwrap_or(self.witness);
+        found.is_some()
+    }
+}
+
+/// How far the `samples` that lie on `patch` reach around `position`, towards each corner of
+/// the bounding polygon (CRS units).
+fn reach_of(samples: &[Local], patch: &Patch, position: Local, spacing: f64) -> Reach {
+    let mut reach = [0.0_f64; BOUNDING_SIDES];
+    let [u, v, _] = patch.coordinates(position);
+    for &sample in samples {
+        let [s, t, height] = patch.coordinates(sample);
+        if (height - patch.height(s, t)).abs() > SHEET_THICKNESS_IN_SPACINGS * spacing {
+            continue;
+        }
+        let way = [s - u, t - v];
+        let distance = way[0].hypot(way[1]);
+        for (reach, corner) in reach.iter_mut().zip(bounding_corners()) {
+            let along = way[0] * corner[0] + way[1] * corner[1];
+            if along >= CORNER_COSINE * distance {
+                *reach = reach.max(along);
+            }
+        }
+    }
+    reach
+}
+
+/// The patch of a smaller radius, where `patch` rounds an edge and the smaller one explains
+/// more.
+fn sharper(
+    patch: &Patch,
+    site: Local,
+    samples: &[Local],
+    options: &SolverOptions,
+) -> Option<Patch> {
+    let excess = patch.residual / options.spacing - SHARP_IN_SPACINGS;
+    if excess <= 0.0 || options.patch == PatchKind::Plane {
+        return None;
+    }
+    let share = 1.0 - LARGEST_REDUCTION * (excess / SHARPEST_EXCESS_IN_SPACINGS).min(1.0);
+    Patch::fit(site, samples, options.fit_radius * share, options.patch).filter(|sharper| {
+        sharper.support >= REDUCED_SUPPORT && sharper.residual < REDUCED_RESIDUAL * patch.residual
+    })
+}

@@ -1,0 +1,108 @@
+//! A cell that is followed without being clipped.
+//!
+//! Most sites hardly move from one iteration to the next, and neither do their neighbours. The
+//! centroid of a cell then follows the moves to first order (`geometry::Response`), until the
+//! moves add up to what could be noticed. That is done for cells on patches that are nearly
+//! flat, closed by neighbours or by the end of the scan: others respond less simply (with them
+//! followed, too, the area CV of 53 clouds was higher by 1 % on the mean).
+
+use super::{
+    fit::Fit,
+    links::Links,
+    neighborhoods::NEAR_IN_SPACINGS,
+    vicinity::{Vicinity, is_nearly_flat},
+};
+use crate::geometry::{Local, Moments, Response};
+
+/// A centroid is followed until the farthest moves, iteration by iteration, add up to this. The
+/// error of the first order grows with the square.
+pub(super) const LARGEST_DRIFT_IN_SPACINGS: f64 = 0.03;
+
+/// What is kept of a clipped cell.
+#[derive(Clone)]
+pub(super) struct FollowedCell {
+    /// The centroid of the cell, as far as it was followed.
+    centroid: Local,
+    response: Response,
+    /// Square of the distance (CRS units) within which a move matters to the cell.
+    attention: f64,
+    /// Distance to the nearest neighbour when the cell was clipped (CRS units).
+    nearest: f64,
+    /// Sum of the farthest moves since the cell was clipped (spacings).
+    drift: f64,
+}
+
+impl FollowedCell {
+    /// What is kept of the cell that was clipped last, with `moments`, if it can be followed;
+    /// `nearest` is the distance to the nearest neighbour.
+    pub(super) fn new(
+        fit: &Fit,
+        moments: &Moments,
+        nearest: Option<f64>,
+        vicinity: &Vicinity<'_>,
+    ) -> Option<Self> {
+        let (spacing, cell) = (vicinity.spacing, &vicinity.scratch.cell);
+        let security = cell.security_squared();
+        let near = (NEAR_IN_SPACINGS * spacing).powi(2);
+        // A small open cell ends where the scan ends, which does not move.
+        let is_bounded = cell.is_closed() || security <= near;
+        if !is_bounded || !is_nearly_flat(&fit.patch, spacing) {
+            return None;
+        }
+        let positions = vicinity.neighborhoods.positions();
+        Some(Self {
+            centroid: moments.centroid,
+            response: Response::new(cell, moments, &fit.patch, vicinity.position, |neighbor| {
+                positions[neighbor as usize]
+            }),
+            attention: security.min(near),
+            nearest: nearest.unwrap_or(0.0),
+            drift: 0.0,
+        })
+    }
+
+    /// Takes note of the last moves; whether the sites around were exact, or `None` if the
+    /// cell can be followed no longer.
+    pub(super) fn drift(
+        &mut self,
+        fit: &Fit,
+        was_exact: &[bool],
+        vicinity: &mut Vicinity<'_>,
+    ) -> Option<bool> {
+        let (farthest, is_exact) = vicinity.farthest_move(self.attention, was_exact);
+        self.drift += farthest;
+        let is_outdated = self.drift > LARGEST_DRIFT_IN_SPACINGS
+            || !fit.is_valid_at(vicinity.position, vicinity.spacing);
+        (!is_outdated).then_some(is_exact)
+    }
+
+    /// The target of the step to the centroid after the last moves, and how far the site may
+    /// move in any direction (CRS units).
+    pub(super) fn step(
+        &mut self,
+        fit: &Fit,
+        links: &Links,
+        vicinity: &mut Vicinity<'_>,
+    ) -> (Local, f64) {
+        let neighborhoods = vicinity.neighborhoods;
+        self.centroid += self.response.of(
+            &fit.patch,
+            neighborhoods.last_move(vicinity.site),
+            links
+                .sites()
+                .map(|neighbor| neighborhoods.last_move(neighbor as usize)),
+        );
+        // The site and its neighbour may both have moved by the drift.
+        let nearest = self.nearest - 2.0 * self.drift * vicinity.spacing;
+        let free = vicinity.room(nearest);
+        let position = vicinity.position;
+        let towards = fit.step_towards(self.centroid, position);
+        let target = if towards.norm_squared() <= free * free {
+            position + towards
+        } else {
+            vicinity.find_near();
+            vicinity.keeping_clear(position + towards)
+        };
+        (target, free)
+    }
+}

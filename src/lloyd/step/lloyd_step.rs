@@ -1,0 +1,203 @@
+//! One Lloyd step of one site: its patch, its cell, its centroid.
+//!
+//! ```text
+//!   patch ─► cell ─► centroid ─► foot point on the patch ─► clear of neighbours ─► near the scan
+//! ```
+//!
+//! The cell is clipped, or followed where it has hardly changed (`following`).
+
+use super::{
+    fit::Fit,
+    following::{FollowedCell, LARGEST_DRIFT_IN_SPACINGS},
+    links::Links,
+    vicinity::Vicinity,
+};
+use crate::{
+    geometry::{Local, Moments},
+    lloyd::{region::DependencyCone, site::FARTHEST_NEIGHBOR_IN_SPACINGS, surface::Surface},
+};
+
+/// What the steps of all sites in one iteration have in common.
+#[derive(Clone, Copy)]
+pub(crate) struct Iteration<'a> {
+    pub(crate) surface: Surface<'a>,
+    pub(crate) cone: &'a DependencyCone<'a>,
+    /// Whether each site was exact before the iteration.
+    pub(crate) was_exact: &'a [bool],
+}
+
+/// The result of the last Lloyd step of one site.
+#[derive(Clone)]
+pub(crate) struct Step {
+    /// The patch, if one was fitted.
+    pub(crate) fit: Option<Fit>,
+    /// Whether the scan has no patch where the site is. The site stays there.
+    is_stranded: bool,
+    /// Whether everything that the position depends on was available.
+    pub(crate) is_exact: bool,
+    /// The centroid, projected and restricted.
+    pub(crate) target: Local,
+    /// The sites whose cells share an edge with that of the site.
+    pub(crate) links: Links,
+    /// Whether those sites do not bound the cell all around.
+    pub(crate) is_open: bool,
+    /// Distance to the nearest other site (CRS units).
+    pub(crate) nearest: Option<f64>,
+    /// How far the site may move in any direction and keep clear of its neighbours (CRS
+    /// units).
+    pub(crate) free: f64,
+    followed: Option<FollowedCell>,
+}
+
+impl Step {
+    /// The step of a site at `position` before the first iteration.
+    pub(crate) fn new(position: Local) -> Self {
+        Self {
+            fit: None,
+            is_stranded: false,
+            is_exact: false,
+            target: position,
+            links: Links::NONE,
+            is_open: false,
+            nearest: None,
+            free: 0.0,
+            followed: None,
+        }
+    }
+
+    /// The foot point of `position` on the patch of the site, if it has one.
+    pub(crate) fn project(&self, position: Local) -> Local {
+        self.fit
+            .as_ref()
+            .map_or(position, |fit| fit.patch.foot_point(position))
+    }
+
+    /// Discards the last step: the site stays at `position`.
+    fn reset(&mut self, position: Local) {
+        self.target = position;
+        self.links = Links::NONE;
+        self.free = 0.0;
+        self.followed = None;
+    }
+
+    /// Leaves a site that matters to no wanted site any more at `position`.
+    pub(crate) fn retire(&mut self, position: Local) {
+        self.reset(position);
+        self.nearest = None;
+        self.is_exact = false;
+    }
+
+    /// III-B: fits the patch, unless the site is still near where it was fitted.
+    fn fit_patch(&mut self, surface: Surface<'_>, vicinity: &mut Vicinity<'_>) {
+        let is_valid = |fit: &Fit| fit.is_valid_at(vicinity.position, surface.spacing());
+        if !self.is_stranded && !self.fit.as_ref().is_some_and(is_valid) {
+            // In the first iteration the other sites of the block have no patch, either.
+            if self.fit.is_none() {
+                vicinity.gather_samples(surface);
+            }
+            self.fit = vicinity.fit(surface);
+            self.is_stranded = self.fit.is_none();
+        }
+    }
+
+    /// The patch of the site, if it is trusted.
+    pub(crate) fn trusted(&mut self) -> Option<&mut Fit> {
+        self.fit.as_mut().filter(|fit| fit.is_trusted())
+    }
+
+    /// III-B, III-C: clips the cell of the site on its patch, and gives its moments; `None`
+    /// without a cell.
+    pub(crate) fn clip(
+        &mut self,
+        surface: Surface<'_>,
+        vicinity: &mut Vicinity<'_>,
+    ) -> Option<Moments> {
+        self.fit_patch(surface, vicinity);
+        vicinity.restricted_cell(self.trusted()?, surface)
+    }
+
+    /// Computes the step from the position of the site to its centroid.
+    pub(crate) fn advance(&mut self, iteration: Iteration<'_>, mut vicinity: Vicinity<'_>) {
+        if !self.follow(iteration, &mut vicinity) {
+            let moments = self.clip(iteration.surface, &mut vicinity);
+            self.to_centroid(moments, iteration, vicinity);
+        }
+    }
+
+    /// Computes the step to a centroid that is followed; `false` if it cannot be followed.
+    fn follow(&mut self, iteration: Iteration<'_>, vicinity: &mut Vicinity<'_>) -> bool {
+        let (Some(fit), Some(followed)) = (&mut self.fit, &mut self.followed) else {
+            return false;
+        };
+        let Some(is_exact) = followed.drift(fit, iteration.was_exact, vicinity) else {
+            return false;
+        };
+        self.is_exact &= is_exact;
+        let position = vicinity.position;
+        let positions = vicinity.neighborhoods.positions();
+        self.nearest = self
+            .links
+            .sites()
+            .map(|neighbor| (positions[neighbor as usize] - position).norm_squared())
+            .min_by(f64::total_cmp)
+            .map(f64::sqrt);
+        let (target, free) = followed.step(fit, &self.links, vicinity);
+        (self.target, self.free) = if fit.allows(target, iteration.surface) {
+            (target, free)
+        } else {
+            (position, 0.0)
+        };
+        true
+    }
+
+    /// Computes the step to the centroid of the cell that was clipped last, with `moments`.
+    pub(crate) fn to_centroid(
+        &mut self,
+        moments: Option<Moments>,
+        iteration: Iteration<'_>,
+        mut vicinity: Vicinity<'_>,
+    ) {
+        let Iteration {
+            surface,
+            cone,
+            was_exact,
+        } = iteration;
+        let (position, spacing) = (vicinity.position, surface.spacing());
+        self.reset(position);
+        let Some(fit) = self.fit.as_mut().filter(|fit| fit.is_trusted()) else {
+            // The site stays, whatever its cell. The distance of the few that are far from all
+            // others is computed once.
+            vicinity.find_near();
+            let near = vicinity.scratch.nearest().or(self.nearest);
+            let farthest = FARTHEST_NEIGHBOR_IN_SPACINGS * spacing;
+            self.nearest = near.or_else(|| vicinity.nearest_within(farthest));
+            return;
+        };
+        self.nearest = vicinity.scratch.nearest();
+        let cell = &vicinity.scratch.cell;
+        self.links = Links::new(cell.neighbors());
+        self.is_open = !cell.is_closed();
+        // The site is exact if everything within the security radius is, for as long as the
+        // cell is followed.
+        let security = cell.security_squared();
+        let radius = security.sqrt() + LARGEST_DRIFT_IN_SPACINGS * spacing;
+        self.is_exact &= vicinity
+            .scratch
+            .neighbors
+            .iter()
+            .filter(|n| n.distance_squared <= security)
+            .all(|n| was_exact[n.index as usize])
+            && cone.has_right_seeds(position, radius, surface.quantization());
+        let Some(moments) = moments else {
+            return;
+        };
+        self.followed = FollowedCell::new(fit, &moments, self.nearest, &vicinity);
+        // IV-B, IV-D, IV-E: the centroid, on the patch, near the scan.
+        let towards = fit.step_towards(moments.centroid, position);
+        let target = vicinity.keeping_clear(position + towards);
+        if fit.allows(target, surface) {
+            self.target = target;
+            self.free = vicinity.free_radius();
+        }
+    }
+}

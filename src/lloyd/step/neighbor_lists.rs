@@ -1,0 +1,98 @@
+//! For every site a list of the others that were near it when the list was made.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::{
+    geometry::{ITEMS_PER_TASK, Local, NeighborGrid},
+    lloyd::surface::bounding_box,
+};
+
+/// Blocks that a thread takes at a time.
+pub(crate) const BLOCKS_PER_TASK: usize = ITEMS_PER_TASK / 16;
+
+/// A ball of this radius contains all neighbours that cut a good cell.
+pub(crate) const NEAR_IN_SPACINGS: f64 = 1.6;
+
+/// How much nearer to each other two sites may come before the lists are out of date. Wider
+/// lists last longer, and take longer to go through.
+pub(super) const SKIN_IN_SPACINGS: f64 = 0.4;
+
+/// Edge of the cells by which sites are looked up.
+pub(super) const SITE_CELL_IN_SPACINGS: f64 = 1.6;
+
+/// For every site the others that were near it when the lists were made.
+pub(super) struct Lists {
+    /// The positions of the sites when the lists were made.
+    pub(super) positions: Vec<Local>,
+    /// The same positions by cell.
+    pub(super) grid: NeighborGrid,
+    /// The list of site k is `others[starts[k]..starts[k + 1]]`, nearest first.
+    starts: Vec<u32>,
+    others: Vec<u32>,
+}
+
+impl Lists {
+    /// Lists all others within a near radius and a skin of each of the sites, which lie block
+    /// by block.
+    pub(super) fn new(positions: Vec<Local>, blocks: &[Range<usize>], spacing: f64) -> Self {
+        let grid = NeighborGrid::new(&positions, SITE_CELL_IN_SPACINGS * spacing);
+        let radius = (NEAR_IN_SPACINGS + SKIN_IN_SPACINGS) * spacing;
+        let of_block = |around: &mut Vec<(u32, Local)>, block: &Range<usize>| {
+            let [low, high] = bounding_box(positions[block.clone()].iter().copied());
+            let reach = Local::repeat(radius);
+            around.clear();
+            grid.visit_box(low - reach, high + reach, |other, position| {
+                around.push((other, position));
+            });
+            // A distance that is not negative sorts as its bits do: one word to a site.
+            let mut near: Vec<u64> = Vec::new();
+            let (mut counts, mut others) = (Vec::with_capacity(block.len()), Vec::new());
+            for site in block.clone() {
+                near.clear();
+                near.extend(around.iter().filter_map(|&(other, position)| {
+                    let squared = (position - positions[site]).norm_squared();
+                    (squared <= radius * radius && other as usize != site)
+                        .then(|| u64::from((squared as f32).to_bits()) << 32 | u64::from(other))
+                }));
+                near.sort_unstable();
+                counts.push(near.len() as u32);
+                others.extend(near.iter().map(|&word| word as u32));
+            }
+            (counts, others)
+        };
+        let by_block: Vec<(Vec<u32>, Vec<u32>)> = blocks
+            .par_iter()
+            .with_max_len(BLOCKS_PER_TASK)
+            .map_init(Vec::new, of_block)
+            .collect();
+        let mut starts = vec![0];
+        let mut end = 0;
+        for count in by_block.iter().flat_map(|(counts, _)| counts) {
+            end += count;
+            starts.push(end);
+        }
+        let mut others = vec![0; end as usize];
+        let mut rest = &mut others[..];
+        let mut parts = Vec::with_capacity(by_block.len());
+        for (_, found) in &by_block {
+            let (part, after) = rest.split_at_mut(found.len());
+            parts.push((part, found));
+            rest = after;
+        }
+        let parts = parts.into_par_iter();
+        parts.for_each(|(part, found)| part.copy_from_slice(found));
+        Self {
+            positions,
+            grid,
+            starts,
+            others,
+        }
+    }
+
+    /// The sites that were near `site`.
+    pub(super) fn of(&self, site: usize) -> &[u32] {
+        &self.others[self.starts[site] as usize..self.starts[site + 1] as usize]
+    }
+}

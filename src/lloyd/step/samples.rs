@@ -1,0 +1,48 @@
+//! The samples of the scan around a block of sites.
+
+use crate::{geometry::Local, lloyd::surface::Surface};
+
+/// The samples in and around a box, for the patches at positions in the box.
+#[derive(Debug, Default)]
+pub(crate) struct Samples {
+    /// Each sample with the number of points in its voxel.
+    in_box: Vec<(Local, u32)>,
+    /// Scratch: the samples of one patch.
+    in_ball: Vec<Local>,
+}
+
+impl Samples {
+    /// Collects the samples that patches at positions from `low` to `high` may need.
+    pub(crate) fn gather_box(&mut self, surface: Surface<'_>, low: Local, high: Local) {
+        let reach = Local::repeat(surface.options.fit_radius);
+        self.in_box.clear();
+        let scan = surface.scan;
+        scan.samples()
+            .visit_box(low - reach, high + reach, |index, sample| {
+                self.in_box.push((sample, scan.count(index)));
+            });
+    }
+
+    /// The samples of the box nearer to `position` than `radius` (CRS units), and the number
+    /// of points in their voxels.
+    pub(crate) fn in_ball(&mut self, position: Local, radius: f64) -> (&[Local], u64) {
+        let mut points = 0;
+        self.in_ball.clear();
+        for &(sample, count) in &self.in_box {
+            if (sample - position).norm_squared() < radius * radius {
+                self.in_ball.push(sample);
+                points += u64::from(count);
+            }
+        }
+        (&self.in_ball, points)
+    }
+
+    /// The samples of the scan within the fit radius of `position`, wherever the box is. The
+    /// result of an earlier [`in_ball`](Self::in_ball) is lost.
+    pub(super) fn in_fit_radius(&mut self, position: Local, surface: Surface<'_>) -> &[Local] {
+        let radius = surface.options.fit_radius;
+        let samples = surface.scan.samples();
+        samples.gather(position, radius, &mut self.in_ball);
+        &self.in_ball
+    }
+}
