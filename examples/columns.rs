@@ -25,8 +25,13 @@ fn kerb() -> Columns {
     Columns {
         x: indices.clone().map(|index| index % columns * 20).collect(),
         y: indices.clone().map(|index| index / columns * 20).collect(),
-        z: indices.clone().map(|index| if on_pavement(index) { 120 } else { 0 }).collect(),
-        classification: indices.map(|index| if on_pavement(index) { 6 } else { 2 }).collect(),
+        z: indices
+            .clone()
+            .map(|index| if on_pavement(index) { 120 } else { 0 })
+            .collect(),
+        classification: indices
+            .map(|index| if on_pavement(index) { 6 } else { 2 })
+            .collect(),
         scale: 0.001,
         offset: [500_000.0, 5_000_000.0, 300.0],
     }
@@ -51,7 +56,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build()?;
     let even = pool.install(|| resample_with_progress(points, &options, &progress))?;
 
-    let classes = even.source.iter().map(|&nearest| scan.classification[nearest]);
+    let classes = even
+        .source
+        .iter()
+        .map(|&nearest| scan.classification[nearest]);
     let on_pavement = classes.filter(|&class| class == 6).count();
     println!("{} points {:.3} apart", even.points.len(), even.spacing);
     println!("{on_pavement} of them on the pavement");

@@ -12,7 +12,10 @@ fn main() -> Result<(), ResampleError> {
             [x, y, 0.3 * (x.sin() + (0.7 * y).cos())]
         })
         .collect();
-    let color: Vec<u8> = scan.iter().map(|point| (128.0 + 200.0 * point[2]) as u8).collect();
+    let color: Vec<u8> = scan
+        .iter()
+        .map(|point| (128.0 + 200.0 * point[2]) as u8)
+        .collect();
 
     let even = resample(&scan, &Options::with_spacing(0.1).fill(0.0))?;
 
