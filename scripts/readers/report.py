@@ -12,8 +12,8 @@ from playwright.sync_api import sync_playwright
 REPORT, AXE, PICTURES = map(pathlib.Path, sys.argv[1:4])
 VIEWER = REPORT.with_name(REPORT.name.replace(".report.", ".viewer."))
 SECTIONS = [
-    "What came out", "Figures", "One place, before and after", "Nearest distances, in spacings",
-    "δ by iteration", "Distances between input and output, in spacings", "The area", "Where it is least even", "Tiles, coloured by δ", "Seams",
+    "Output", "Figures", "A square before and after", "Nearest distances, in spacings",
+    "δ by iteration", "Distances between input and output, in spacings", "Map", "Least even squares", "Tiles, coloured by δ", "Seams",
     "Time and memory", "Inputs", "Settings",
 ]
 CHROMIUM = next(
@@ -39,7 +39,7 @@ with sync_playwright() as playwright:
         assert page.locator(".card").count() == 4
         overflow = page.evaluate("document.documentElement.scrollWidth - innerWidth")
         assert overflow <= 0, f"{overflow} pixels too wide at {width}"
-        image = page.locator("img.portrait")
+        image = page.locator("img.overview")
         assert image.evaluate("image => image.naturalWidth") == 1280
 
         link = page.locator("a.viewer").evaluate("link => link.href")

@@ -29,16 +29,16 @@ with sync_playwright() as playwright:
                 if not request.url.startswith(("file:", "data:", "blob:")) else None)
         began = time.monotonic()
         page.goto(VIEWER.resolve().as_uri(), wait_until="load")
-        drawn = lambda: page.evaluate("Number(document.getElementById('look').dataset.drawn ?? 0)")
-        page.wait_for_function("document.getElementById('look').dataset.drawn > 0")
+        drawn = lambda: page.evaluate("Number(document.getElementById('view').dataset.drawn ?? 0)")
+        page.wait_for_function("document.getElementById('view').dataset.drawn > 0")
         seconds = time.monotonic() - began
-        canvas = page.locator("#look")
+        canvas = page.locator("#view")
 
         def seen(act):
             """What is seen once `act` has had its effect."""
             before = drawn()
             act()
-            page.wait_for_function(f"document.getElementById('look').dataset.drawn > {before}")
+            page.wait_for_function(f"document.getElementById('view').dataset.drawn > {before}")
             page.wait_for_timeout(100)
             return canvas.screenshot()
 
@@ -53,7 +53,7 @@ with sync_playwright() as playwright:
         for view in ("above", "street"):
             pictures.add(seen(lambda: page.click(f"#{view}")))
         pictures.add(seen(lambda: page.fill("#size", "2")))
-        page.focus("#look")
+        page.focus("#view")
         for key in ("+", "ArrowLeft", "Shift+ArrowUp"):
             pictures.add(seen(lambda: page.keyboard.press(key)))
         box = canvas.bounding_box()

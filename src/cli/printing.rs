@@ -1,8 +1,8 @@
-//! Lines for people: results to standard output, all else to standard error.
+//! Lines of text: results to standard output, messages to standard error.
 //!
-//! Nothing panics here. A reader that has had enough (`lloydar info … | head`) is no
-//! error; a result that could not be printed is, and is told by the exit code. What
-//! cannot be said on standard error cannot be said.
+//! Nothing here panics. A reader that closes the pipe (`lloydar info … | head`) is no error. A
+//! result that cannot be printed is one, and the exit code reports it. A message that cannot be
+//! printed is lost.
 
 use std::{
     fmt::Arguments,
@@ -18,13 +18,14 @@ macro_rules! result {
     ($($text:tt)*) => { $crate::cli::printing::to_output(format_args!($($text)*)) };
 }
 
-/// Prints a line of whatever else is to be said.
+/// Prints a line of a message.
 macro_rules! say {
     ($($text:tt)*) => { $crate::cli::printing::to_error(format_args!($($text)*)) };
 }
 
 pub(super) use {result, say};
 
+/// Prints a line to standard output, and remembers a failure.
 pub(super) fn to_output(line: Arguments<'_>) {
     if let Err(error) = writeln!(io::stdout(), "{line}")
         && error.kind() != ErrorKind::BrokenPipe
@@ -34,11 +35,12 @@ pub(super) fn to_output(line: Arguments<'_>) {
     }
 }
 
+/// Prints a line to standard error.
 pub(super) fn to_error(line: Arguments<'_>) {
     drop(writeln!(io::stderr(), "{line}"));
 }
 
-/// Whether all results were printed, as far as anybody wanted them.
+/// Returns whether every result was printed that a reader waited for.
 pub(super) fn is_complete() -> bool {
     !IS_LOST.load(Ordering::Relaxed)
 }

@@ -1,39 +1,42 @@
-//! `simulate` and `demo`: data to try everything on, with known surfaces.
+//! `simulate`: scans of a street whose true surfaces are known.
 
 use std::path::{Path, PathBuf};
 
-use crate::{
-    config::{Choices, Count, Length},
-    geometry::Quantization,
-    job::{JobDescription, JobError, default_directory},
-    las::{CloudHeader, CloudWriter, Format, RecordFormat, RecordView, Workspace, standard_length},
-    report::REPORT_PAGE,
-    simulate::{SimulatedPoint, Street, StreetOptions},
-};
 use rayon::prelude::*;
 
-use super::{printing::result, terminal::Look};
+use super::{exit::DONE, printing::result};
+use crate::{
+    config::Count,
+    geometry::Quantization,
+    job::JobError,
+    las::{
+        CloudHeader, CloudWriter, Crs, Format, RecordFormat, RecordView, Workspace, standard_length,
+    },
+    report::thousands,
+    simulate::{SimulatedPoint, Street, StreetOptions},
+};
 
-/// What street is simulated.
+/// The street to simulate, and how it is scanned.
 #[derive(clap::Args)]
 pub(super) struct Simulation {
     /// Length of the street in metres
     #[arg(long, value_name = "LENGTH", default_value_t = 120.0)]
     length: f64,
-    /// Points of all passes
+    /// Number of points, of all passes together
     #[arg(long, value_name = "N", default_value = "2M")]
     points: Count,
-    /// Times that the vehicle drives down the street; a file each
+    /// Number of times that the vehicle drives down the street; one file for each
     #[arg(long, value_name = "N", default_value_t = 2)]
     passes: u32,
     /// Standard deviation of the ranges in metres
     #[arg(long, value_name = "LENGTH", default_value_t = 0.01)]
     noise: f64,
-    /// Another seed, another street
+    /// Seed of the street and of the noise
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 }
 
+/// Simulates a street, and writes its scans and its description into the directory `output`.
 pub(super) fn simulate(simulation: &Simulation, output: &Path) -> Result<u8, JobError> {
     // Written so that NaN is refused.
     let is_street = (20.0..=1e6).contains(&simulation.length)
@@ -52,87 +55,62 @@ pub(super) fn simulate(simulation: &Simulation, output: &Path) -> Result<u8, Job
         noise: simulation.noise,
         seed: simulation.seed,
     });
-    for (path, points) in write_street(&street, simulation.passes, output)? {
-        result!("{} points: {}", points, path.display());
+    for (path, points) in write_street(&street, output)? {
+        result!("{} points: {}", thousands(points), path.display());
     }
-    let path = output.join(TRUTH);
+    let path = output.join(STREET_FILE);
     let text = serde_json::to_string_pretty(street.options()).unwrap_or_default();
     std::fs::write(&path, text).map_err(|source| JobError::Io {
         action: "write",
         path: path.display().to_string(),
         source,
     })?;
-    Ok(0)
+    Ok(DONE)
 }
 
-/// What a street was simulated by, beside its scans.
-const TRUTH: &str = "street.json";
+/// The name of the file beside the scans that describes their street.
+const STREET_FILE: &str = "street.json";
 
-/// The street whose scans are in `dir`.
-pub(super) fn street_of(dir: &Path) -> Result<Street, JobError> {
-    let path = dir.join(TRUTH);
+/// Returns the street whose scans are in the directory `dir`.
+pub(super) fn street_in(dir: &Path) -> Result<Street, JobError> {
+    let path = dir.join(STREET_FILE);
     let text = std::fs::read_to_string(&path).map_err(|source| JobError::Io {
         action: "read",
         path: path.display().to_string(),
         source,
     })?;
-    let options = serde_json::from_str(&text)
-        .map_err(|e| JobError::Refused(format!("{}: describes no street: {e}", path.display())))?;
+    let options = serde_json::from_str(&text).map_err(|e| {
+        JobError::Refused(format!(
+            "{}: is not the description of a simulated street: {e}; `lloydar simulate` writes one",
+            path.display()
+        ))
+    })?;
     Ok(Street::new(options))
 }
 
-/// Simulates a street and resamples it, as anyone would with own data.
-pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
-    let scans = output.join("scans");
-    result!("simulating a street: 2 400 000 points in 3 passes");
-    let street = Street::new(StreetOptions {
-        length: 100.0,
-        passes: 3,
-        points: 2_400_000,
-        ..StreetOptions::default()
-    });
-    write_street(&street, 3, &scans)?;
-    let cloud = output.join("street.laz");
-    result!(
-        "lloydar run {} -o {} --spacing 0.2 --memory 256MiB",
-        scans.display(),
-        cloud.display()
-    );
-    let choices = Choices {
-        spacing: Some(Length::plain(0.2)),
-        memory: Some(crate::config::Bytes(256 << 20)),
-        ..Choices::default()
-    };
-    let page = super::with_ending(&cloud, REPORT_PAGE);
-    let job = JobDescription {
-        inputs: vec![scans],
-        dir: default_directory(&cloud),
-        scratch: None,
-        output: cloud,
-        settings: choices.settings(None)?,
-        overwrite: true,
-        keep: false,
-        skip_bad_files: false,
-        restart: false,
-    };
-    let code = super::run_and_report(&job, Look::choose(false, false))?;
-    if let Ok(page) = std::path::absolute(page) {
-        result!("\nsee it:   file://{}", page.display());
-    }
-    Ok(code)
-}
-
-/// Slices simulated at once: what is held in memory.
+/// The number of slices that are simulated at once, and are in memory together.
 const SLICES_AT_ONCE: u64 = 8;
 
-/// One LAZ file a pass; each with its points.
-fn write_street(street: &Street, passes: u32, dir: &Path) -> Result<Vec<(PathBuf, u64)>, JobError> {
+/// Writes one LAZ file for each pass into the directory `dir`. Returns the files with their
+/// numbers of points.
+pub(super) fn write_street(street: &Street, dir: &Path) -> Result<Vec<(PathBuf, u64)>, JobError> {
     std::fs::create_dir_all(dir).map_err(|source| JobError::Io {
         action: "make",
         path: dir.display().to_string(),
         source,
     })?;
-    let header = CloudHeader {
+    let header = scan_header();
+    (0..street.options().passes)
+        .map(|pass| {
+            let path = dir.join(format!("pass-{}.laz", pass + 1));
+            write_pass(street, pass, &header, &path).map(|points| (path, points))
+        })
+        .collect()
+}
+
+/// Returns the header of a simulated scan.
+fn scan_header() -> CloudHeader {
+    CloudHeader {
         record: RecordFormat {
             point_format: SCAN_FORMAT,
             extra_bytes: Vec::new(),
@@ -141,50 +119,54 @@ fn write_street(street: &Street, passes: u32, dir: &Path) -> Result<Vec<(PathBuf
             scale: 0.001,
             offset: [431_000.0, 5_400_000.0, 100.0],
         },
-        crs: crate::las::Crs::of_epsg(32_633),
+        crs: Crs::of_epsg(32_633),
         kept_records: Vec::new(),
         has_standard_time: false,
         provenance: "simulated".to_owned(),
-    };
+    }
+}
+
+/// Writes the points of `pass`, counted from 0, to `path`, and returns their number.
+fn write_pass(
+    street: &Street,
+    pass: u32,
+    header: &CloudHeader,
+    path: &Path,
+) -> Result<u64, JobError> {
     let workspace = Workspace {
         spacing: header.quantization.scale,
         tile_edge: 0.0,
-        stem: dir.join("sorting"),
+        stem: path.with_file_name("sorting"),
         buffer_bytes: 0,
         sort_bytes: 0,
     };
-    (0..passes)
-        .map(|pass| {
-            let path = dir.join(format!("pass-{}.laz", pass + 1));
-            let mut writer = CloudWriter::create(&path, Format::Laz, &header, &workspace)?;
-            let slices = street.slices(pass);
-            for first in (0..slices).step_by(SLICES_AT_ONCE as usize) {
-                let batch: Vec<Vec<u8>> = (first..slices.min(first + SLICES_AT_ONCE))
-                    .into_par_iter()
-                    .map(|slice| {
-                        let points = street.slice(pass, slice);
-                        points
-                            .iter()
-                            .flat_map(|point| record(point, &header.quantization))
-                            .collect()
-                    })
-                    .collect();
-                for records in batch {
-                    writer.write(&records)?;
-                }
-            }
-            let cloud = writer.complete(&|_| {})?;
-            let points = cloud.points();
-            cloud.deliver()?;
-            Ok((path, points))
-        })
-        .collect()
+    let mut writer = CloudWriter::create(path, Format::Laz, header, &workspace)?;
+    let slices = street.slices(pass);
+    for first in (0..slices).step_by(SLICES_AT_ONCE as usize) {
+        let batch: Vec<Vec<u8>> = (first..slices.min(first + SLICES_AT_ONCE))
+            .into_par_iter()
+            .map(|slice| {
+                let points = street.slice(pass, slice);
+                points
+                    .iter()
+                    .flat_map(|point| record(point, &header.quantization))
+                    .collect()
+            })
+            .collect();
+        for records in batch {
+            writer.write(&records)?;
+        }
+    }
+    let cloud = writer.complete(&|_| {})?;
+    let points = cloud.points();
+    cloud.deliver()?;
+    Ok(points)
 }
 
 /// The point format of simulated scans: it has GPS time and colour.
 const SCAN_FORMAT: u8 = 7;
 
-/// A return as a record of [`SCAN_FORMAT`].
+/// Returns the record of a return, in [`SCAN_FORMAT`].
 fn record(
     point: &SimulatedPoint,
     quantization: &Quantization,

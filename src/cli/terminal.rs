@@ -1,6 +1,5 @@
-//! How a job looks while it runs: bars on a terminal, plain lines elsewhere,
-//! JSON lines for machines. All on standard error; standard output is for
-//! results.
+//! The progress of a job on standard error: bars on a terminal, plain lines elsewhere, JSON
+//! lines for machines. Standard output is for results.
 
 use std::{
     io::IsTerminal,
@@ -8,25 +7,29 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::{
-    job::{Progress, Standing, Unit},
-    report::thousands,
-};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::printing::say;
+use crate::{
+    job::{Progress, Standing, Unit},
+    report::{stage_title, thousands},
+};
 
 /// How progress is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Look {
+pub(super) enum Display {
+    /// A bar for each stage.
     Bars,
+    /// A line of text now and then.
     Lines,
+    /// A line of JSON now and then.
     Json,
+    /// Nothing but errors; the summary is left out, too.
     Nothing,
 }
 
-impl Look {
-    /// By the flags, and by where standard error goes.
+impl Display {
+    /// Chooses by the flags, and by whether standard error is a terminal.
     pub(super) fn choose(quiet: bool, json: bool) -> Self {
         match (quiet, json) {
             (true, _) => Self::Nothing,
@@ -37,24 +40,27 @@ impl Look {
     }
 }
 
-/// Lines no more often than this where there is no terminal, and for machines.
+/// The least time between two lines of text about the same stage.
 const BETWEEN_LINES: Duration = Duration::from_secs(10);
+/// The least time between two lines of JSON about the same stage.
 const BETWEEN_EVENTS: Duration = Duration::from_secs(1);
 
+/// The stage that the job is in.
 struct Stage {
     name: String,
     unit: Unit,
+    /// The expected number of units.
     total: u64,
     done: u64,
-    /// Done by an earlier run: not to be counted in the speed.
+    /// The number of units that an earlier run has done; they do not count in the speed.
     before: u64,
     start: Instant,
     bar: Option<ProgressBar>,
 }
 
-/// Shows the stages of a job.
+/// A listener that shows the stages of a job.
 pub(super) struct Terminal {
-    look: Look,
+    display: Display,
     state: Mutex<State>,
 }
 
@@ -65,9 +71,9 @@ struct State {
 }
 
 impl Terminal {
-    pub(super) fn new(look: Look) -> Self {
+    pub(super) fn new(display: Display) -> Self {
         Self {
-            look,
+            display,
             state: Mutex::new(State {
                 stage: None,
                 standing: Standing::default(),
@@ -82,8 +88,8 @@ impl Terminal {
 
     fn line(&self, stage: &Stage, standing: &Standing, event: &str) {
         let seconds = stage.start.elapsed().as_secs_f64();
-        match self.look {
-            Look::Json => {
+        match self.display {
+            Display::Json => {
                 let line = serde_json::json!({
                     "event": event, "stage": stage.name, "done": stage.done,
                     "total": stage.total, "seconds": seconds,
@@ -93,40 +99,49 @@ impl Terminal {
                 });
                 say!("{line}");
             }
-            Look::Lines => {
+            Display::Lines => {
                 let rest = match event {
                     "progress" => format!("; {}", stage.outlook(standing)),
                     _ => String::new(),
                 };
+                let total = stage.total_of_units();
                 say!(
-                    "{:<8} {} of {} {} in {seconds:.1} s{rest}",
-                    stage.name,
+                    "{:<8} {} of {total} in {seconds:.1} s{rest}",
+                    stage_title(&stage.name),
                     thousands(stage.done),
-                    thousands(stage.total),
-                    match stage.unit {
-                        Unit::Points => "points",
-                        Unit::Tiles => "tiles",
-                    }
                 );
             }
-            Look::Bars | Look::Nothing => {}
+            Display::Bars | Display::Nothing => {}
         }
     }
 }
 
 impl Stage {
-    /// Seconds until the stage is done, at the speed so far.
+    /// Returns the seconds until the stage is done, at its speed up to now.
     fn remaining(&self) -> Option<f64> {
         let now = self.done.checked_sub(self.before).filter(|&n| n > 0)?;
         let rest = self.total.saturating_sub(self.done) as f64;
         Some(self.start.elapsed().as_secs_f64() * rest / now as f64)
     }
 
-    /// How much is done, how fast.
+    /// Returns the expected number of units with their name: an estimate, which is not below the
+    /// number that is done.
+    fn total_of_units(&self) -> String {
+        let total = self.total.max(self.done);
+        let unit = match (self.unit, total) {
+            (Unit::Points, 1) => "point",
+            (Unit::Points, _) => "points",
+            (Unit::Tiles, 1) => "tile",
+            (Unit::Tiles, _) => "tiles",
+        };
+        format!("{} {unit}", thousands(total))
+    }
+
+    /// Returns how much is done, and how fast.
     fn count(&self) -> String {
-        let (done, total) = (self.done, self.total);
+        let (done, total) = (self.done, self.total.max(self.done));
         match self.unit {
-            Unit::Tiles => format!("{done} of {total} tiles"),
+            Unit::Tiles => format!("{done} of {}", self.total_of_units()),
             Unit::Points => {
                 let millions = |points: u64| 1e-6 * points as f64;
                 let speed = millions(done - self.before) / self.start.elapsed().as_secs_f64();
@@ -139,16 +154,17 @@ impl Stage {
         }
     }
 
-    /// Memory, and how long the run will take, or at least this stage of it.
+    /// Returns the memory in use, and the time until the end of the run, or, if that is not
+    /// known, of the stage.
     fn outlook(&self, standing: &Standing) -> String {
         let mebibytes = |bytes: u64| bytes.div_ceil(1 << 20);
         let memory = standing.memory.map(|memory| {
-            let (held, budget) = (mebibytes(memory), mebibytes(standing.budget));
-            format!("{held} of {budget} MiB")
+            let (used, budget) = (mebibytes(memory), mebibytes(standing.budget));
+            format!("memory {used} of {budget} MiB")
         });
         let rest = match (standing.remaining, self.remaining()) {
-            (Some(all), _) => Some(format!("{} to go", duration(all))),
-            (None, Some(stage)) => Some(format!("{} for this", duration(stage))),
+            (Some(all), _) => Some(format!("{} left", duration(all))),
+            (None, Some(stage)) => Some(format!("{} left in this stage", duration(stage))),
             (None, None) => None,
         };
         let parts: Vec<String> = memory.into_iter().chain(rest).collect();
@@ -156,7 +172,7 @@ impl Stage {
     }
 }
 
-/// `95` as `1:35`, and hours before that if there are any.
+/// Returns minutes and seconds, `1:35` for 95, with hours before them if there are any.
 pub(super) fn duration(seconds: f64) -> String {
     let seconds = seconds.max(0.0).round() as u64;
     let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
@@ -168,12 +184,12 @@ pub(super) fn duration(seconds: f64) -> String {
 
 impl Progress for Terminal {
     fn begin(&self, stage: &str, total: u64, done: u64, unit: Unit) {
-        let bar = (self.look == Look::Bars).then(|| {
+        let bar = (self.display == Display::Bars).then(|| {
             let style = ProgressStyle::with_template("{prefix:8} {wide_bar} {msg}")
                 .unwrap_or_else(|_| ProgressStyle::default_bar());
             let bar = ProgressBar::new(total)
                 .with_style(style)
-                .with_prefix(stage.to_owned());
+                .with_prefix(stage_title(stage).to_owned());
             bar.set_position(done);
             bar.reset_eta();
             bar
@@ -188,7 +204,7 @@ impl Progress for Terminal {
             bar,
         };
         let mut state = self.state();
-        if self.look == Look::Json {
+        if self.display == Display::Json {
             self.line(&stage, &state.standing, "begin");
         }
         state.last_line = Instant::now();
@@ -223,8 +239,8 @@ impl Progress for Terminal {
         else {
             return;
         };
-        let between = match self.look {
-            Look::Json => BETWEEN_EVENTS,
+        let between = match self.display {
+            Display::Json => BETWEEN_EVENTS,
             _ => BETWEEN_LINES,
         };
         if let Some(bar) = &stage.bar {
@@ -236,10 +252,10 @@ impl Progress for Terminal {
     }
 
     fn note(&self, text: &str) {
-        match self.look {
-            Look::Json => say!("{}", serde_json::json!({ "event": "note", "text": text })),
-            Look::Nothing => {}
-            Look::Bars | Look::Lines => say!("{text}"),
+        match self.display {
+            Display::Json => say!("{}", serde_json::json!({ "event": "note", "text": text })),
+            Display::Nothing => {}
+            Display::Bars | Display::Lines => say!("{text}"),
         }
     }
 }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{directory::InputStamps, error::JobError, resources::Budget};
 use crate::{
-    config::Settings,
+    config::{ResourceSettings, Settings},
     las::{Format, LasError},
 };
 
@@ -64,7 +64,10 @@ impl JobDescription {
 
     /// The memory and the threads of the job.
     pub(crate) fn budget(&self) -> Budget {
-        Budget::new(self.settings.memory, self.settings.threads)
+        Budget::new(
+            self.settings.resources.memory,
+            self.settings.resources.threads,
+        )
     }
 
     /// The peak memory in bytes: the requested memory, or three quarters of what the system allows.
@@ -107,8 +110,7 @@ impl JobDescription {
     /// settings that decide the result. Memory and threads do not.
     pub(crate) fn identity(&self, inputs: &InputStamps) -> serde_json::Value {
         let settings = Settings {
-            memory: None,
-            threads: 1,
+            resources: ResourceSettings::UNSTATED,
             ..self.settings.clone()
         };
         serde_json::json!({

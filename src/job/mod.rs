@@ -34,7 +34,7 @@ pub(crate) use cluster::{JobStatus, Worker};
 pub(crate) use description::JobDescription;
 pub(crate) use directory::{default_directory, write_file};
 pub use error::JobError;
-pub(crate) use measure::{measure, measure_against_surface};
+pub(crate) use measure::{Measured, measure, measure_against_surface};
 pub use outcome::Outcome;
 pub use progress::{Progress, Quiet, Standing, Unit};
 pub use request::Job;

@@ -14,8 +14,9 @@ use super::{
     progress::{Progress, Quiet},
 };
 use crate::{
-    config::{ClassRule, ColorRule, ConfigError, Settings},
-    las::PointFilter,
+    config::{
+        AttributeSettings, ConfigError, InputSettings, ResourceSettings, Settings, TilingSettings,
+    },
     resample::{Options, ResampleError},
 };
 
@@ -193,16 +194,14 @@ impl Job {
             scratch: None,
             settings: Settings {
                 target: options.target,
-                memory: self.memory,
-                threads: self.threads.unwrap_or_else(cores),
+                resources: ResourceSettings {
+                    memory: self.memory,
+                    threads: self.threads.unwrap_or_else(cores),
+                },
                 solver: options.solver,
-                tile_size: None,
-                halo: None,
-                filter: PointFilter::default(),
-                crs: None,
-                color: ColorRule::default(),
-                class: ClassRule::default(),
-                with: Vec::new(),
+                tiling: TilingSettings::default(),
+                input: InputSettings::default(),
+                attributes: AttributeSettings::default(),
                 output_tiles: None,
             },
             overwrite: self.overwrites,

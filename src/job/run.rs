@@ -42,7 +42,7 @@ impl JobDescription {
         report: impl FnOnce(&Outcome) -> Result<(), JobError>,
     ) -> Result<Option<Outcome>, JobError> {
         let format = self.check_output()?;
-        let threads = self.settings.threads;
+        let threads = self.settings.resources.threads;
         let worker = Worker::until_all_is_done(threads);
         RunContext::with(self, threads, progress, cancel, |run| {
             // Survey the headers, scatter the points, choose the spacing, plan the tiles.
@@ -79,7 +79,7 @@ impl JobDescription {
         progress: &dyn Progress,
         cancel: &AtomicBool,
     ) -> Result<Option<JobPlan>, JobError> {
-        let threads = self.settings.threads;
+        let threads = self.settings.resources.threads;
         let worker = Worker::until_all_is_done(threads);
         let planned = RunContext::with(self, threads, progress, cancel, |run| {
             run.pool.install(|| prepare(run, &worker))

@@ -1,16 +1,21 @@
 //! Charts as SVG, in the colours of the page.
 
-use super::figure;
+use super::{numbers::figure, wording::stage_title};
 use crate::{
     job::{ResourceSample, StageCost},
     views::DetailView,
 };
 
+/// The width of a chart, in units of the drawing, as all lengths here.
 const WIDTH: f64 = 640.0;
+/// The height of a chart.
 const HEIGHT: f64 = 220.0;
+/// The width of the margin for the numbers on the left.
 const LEFT: f64 = 52.0;
+/// The height of the margin for the numbers below.
 const BOTTOM: f64 = 30.0;
 
+/// Returns a chart with a horizontal axis.
 fn frame(title: &str, body: &str, x_label: &str) -> String {
     format!(
         "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{title}\">\
@@ -22,8 +27,7 @@ fn frame(title: &str, body: &str, x_label: &str) -> String {
     )
 }
 
-/// Histograms over the same bins, each with the class of its bars, the last in
-/// front.
+/// Returns histograms over the same bins, each with the class of its bars, the last in front.
 pub(super) fn histograms(title: &str, all: &[(&str, &[u64])], spanned: f64) -> String {
     let counts = all.iter().flat_map(|(_, counts)| counts.iter().copied());
     let most = counts.max().unwrap_or(0).max(1) as f64;
@@ -66,7 +70,7 @@ pub(super) fn histograms(title: &str, all: &[(&str, &[u64])], spanned: f64) -> S
     frame(title, &(body + &ticks), "")
 }
 
-/// A line through `values`, one to an iteration.
+/// Returns a line through `values`, one for each iteration.
 pub(super) fn line(title: &str, values: &[f64]) -> String {
     let finite = || values.iter().copied().filter(|v| v.is_finite());
     let (low, high) = (
@@ -98,26 +102,27 @@ pub(super) fn line(title: &str, values: &[f64]) -> String {
     frame(title, &body, "iteration")
 }
 
-/// Memory and temporary files over time, each up to its own peak, with the stages below and
-/// the memory budget as far as it is in sight.
-pub(super) fn over_time(held: &[ResourceSample], stages: &[StageCost], budget: u64) -> String {
+/// Returns memory and temporary files over time, each up to its own peak, with the stages below
+/// them, and the memory budget if it is near the peak.
+pub(super) fn over_time(samples: &[ResourceSample], stages: &[StageCost], budget: u64) -> String {
     let whole: f64 = stages.iter().map(|stage| stage.seconds).sum();
-    let whole = held.last().map_or(whole, |last| last.seconds.max(whole));
-    let memory = |held: &ResourceSample| held.memory.unwrap_or(0);
-    let most =
-        |of: &dyn Fn(&ResourceSample) -> u64| held.iter().map(of).max().unwrap_or(0).max(1) as f64;
+    let whole = samples.last().map_or(whole, |last| last.seconds.max(whole));
+    let memory = |sample: &ResourceSample| sample.memory.unwrap_or(0);
+    let most = |of: &dyn Fn(&ResourceSample) -> u64| {
+        samples.iter().map(of).max().unwrap_or(0).max(1) as f64
+    };
     let (top, floor) = (14.0, HEIGHT - BOTTOM);
     let x = |seconds: f64| LEFT + seconds / whole * (WIDTH - LEFT);
-    // A fifth is left above the highest: there the budget is seen that was nearly reached.
+    // A fifth is left above the peak, for a budget that was nearly reached.
     let y = |share: f64| floor - share / 1.2 * (floor - top);
     let curve = |of: &dyn Fn(&ResourceSample) -> u64, class: &str| {
         let most = most(of);
-        let places: Vec<String> = held
+        let points: Vec<String> = samples
             .iter()
             .map(|h| format!("{:.1},{:.1}", x(h.seconds), y(of(h) as f64 / most)))
             .collect();
-        let (class, places) = (class, places.join(" "));
-        format!("<polyline class=\"line {class}\" points=\"{places}\"/>")
+        let points = points.join(" ");
+        format!("<polyline class=\"line {class}\" points=\"{points}\"/>")
     };
     let share = budget as f64 / most(&memory);
     let limit = match share <= 1.2 {
@@ -133,13 +138,13 @@ pub(super) fn over_time(held: &[ResourceSample], stages: &[StageCost], budget: u
         .map(|stage| {
             let start = from;
             from += stage.seconds;
-            // A name that does not fit is in the table.
+            // A name that does not fit stands in the table only.
             let name = match stage.seconds / whole * (WIDTH - LEFT) > 44.0 {
                 true => format!(
                     "<text x=\"{:.1}\" y=\"{:.1}\">{}</text>",
                     x(start) + 3.0,
                     floor + 14.0,
-                    stage.stage
+                    stage_title(&stage.stage)
                 ),
                 false => String::new(),
             };
@@ -150,7 +155,7 @@ pub(super) fn over_time(held: &[ResourceSample], stages: &[StageCost], budget: u
             )
         })
         .collect();
-    let curves = curve(&memory, "memory") + &curve(&|held| held.disk, "disk");
+    let curves = curve(&memory, "memory") + &curve(&|sample| sample.disk, "disk");
     frame(
         "memory and temporary files over time",
         &(bands + &curves + &limit),
@@ -158,7 +163,7 @@ pub(super) fn over_time(held: &[ResourceSample], stages: &[StageCost], budget: u
     )
 }
 
-/// A place from above, before and after, side by side.
+/// Returns a square from above, before and after, side by side.
 pub(super) fn before_and_after(detail: &DetailView) -> String {
     let panel = 0.5 * (WIDTH - 16.0);
     let scale = panel / detail.side;
@@ -182,7 +187,7 @@ pub(super) fn before_and_after(detail: &DetailView) -> String {
     };
     format!(
         "<svg viewBox=\"0 0 {WIDTH} {panel}\" role=\"img\" \
-         aria-label=\"the same place before and after\">{}{}</svg>",
+         aria-label=\"a square before and after\">{}{}</svg>",
         dots(&detail.before, 0.0, 1.0),
         dots(&detail.after, panel + 16.0, 0.14 * scale),
     )

@@ -1,5 +1,5 @@
-// The map of the area: squares coloured by one of their figures; pointer and arrow keys tell
-// the others. Its data stand in the page as JSON.
+// The map of the area: squares coloured by one of their figures. Pointer and arrow keys choose
+// the square whose figures are shown. The data stand in the page as JSON.
 (() => {
   const data = JSON.parse(document.getElementById("map-data").textContent);
   const canvas = document.getElementById("map");
@@ -11,8 +11,8 @@
   // Columns of a square: column, row, points in, points out, δ, mean distance in spacings.
   const figures = {
     delta: { of: (s) => s[4], name: "δ" },
-    output: { of: (s) => s[3] / area, name: "points out to the square unit" },
-    input: { of: (s) => s[2] / area, name: "points in to the square unit" },
+    output: { of: (s) => s[3] / area, name: "points of the output per square unit" },
+    input: { of: (s) => s[2] / area, name: "points of the input per square unit" },
     spacing: { of: (s) => s[5], name: "mean nearest distance in spacings" },
   };
   const stops = [[38, 70, 140], [40, 130, 160], [90, 170, 120], [220, 190, 70], [235, 120, 40]];
@@ -58,7 +58,7 @@
       pen.lineWidth = 1;
     }
     legend.textContent =
-      `${figure.name}: from ${text(low)} (blue) to ${text(high)} (orange); red: scanned, and nothing put out`;
+      `${figure.name}: from ${text(low)} (blue) to ${text(high)} (orange); red: input without output`;
   };
   const choose = (column, row) => {
     chosen = [
@@ -68,9 +68,9 @@
     const square = at.get(chosen.join(" "));
     const corner = chosen.map((c, axis) => (data.corner[axis] + c * data.edge).toFixed(2));
     says.textContent = square
-      ? `at ${corner.join(", ")}: ${square[2]} points in, ${square[3]} out, δ ${text(square[4])}, ` +
+      ? `at ${corner.join(", ")}: ${square[2]} points of the input, ${square[3]} of the output, δ ${text(square[4])}, ` +
         `mean distance ${text(square[5])} spacings`
-      : `at ${corner.join(", ")}: nothing scanned`;
+      : `at ${corner.join(", ")}: no input`;
     draw();
   };
   canvas.addEventListener("pointermove", (event) => {

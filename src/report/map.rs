@@ -1,16 +1,16 @@
-//! The map of the area, to be looked at and asked.
+//! The map of the area: the squares coloured by a figure, all figures of a square on request.
 
 use serde_json::json;
 
-use super::{AreaMap, TileRow};
+use super::{contents::TileRow, squares::AreaMap};
 
 const SCRIPT: &str = include_str!("map.js");
 
-/// The map with its controls, its data and the script that draws it; nothing if there is
-/// nothing to show.
+/// Returns the map with its controls, its data and the script that draws it; nothing if there is
+/// no square with points.
 pub(super) fn map(area: &AreaMap, tiles: &[TileRow]) -> String {
-    let last = |axis: usize| area.squares.iter().map(|s| s.place[axis]).max();
-    let first = |axis: usize| area.squares.iter().map(|s| s.place[axis]).min();
+    let last = |axis: usize| area.squares.iter().map(|s| s.index[axis]).max();
+    let first = |axis: usize| area.squares.iter().map(|s| s.index[axis]).min();
     let (Some(west), Some(south), Some(east), Some(north)) = (first(0), first(1), last(0), last(1))
     else {
         return String::new();
@@ -22,8 +22,8 @@ pub(super) fn map(area: &AreaMap, tiles: &[TileRow]) -> String {
         .iter()
         .map(|square| {
             json!([
-                square.place[0] - west,
-                square.place[1] - south,
+                square.index[0] - west,
+                square.index[1] - south,
                 square.input,
                 square.output,
                 finite(square.delta),
@@ -61,10 +61,10 @@ pub(super) fn map(area: &AreaMap, tiles: &[TileRow]) -> String {
          <canvas id=\"map\" tabindex=\"0\" role=\"img\" aria-describedby=\"map-says\" \
          aria-label=\"map of the area from above; arrow keys move from square to square\"></canvas>\
          <p class=\"soft\" id=\"map-legend\"></p>\
-         <p id=\"map-says\" role=\"status\">Point at the map, or use the arrow keys.</p>\
+         <p id=\"map-says\" role=\"status\">Figures of the square under the pointer; arrow keys choose a square, too.</p>\
          <script type=\"application/json\" id=\"map-data\">{}</script>\
          <script>{SCRIPT}</script>",
-        // Numbers alone: nothing in it can end the element.
+        // The data are numbers only: no text in them can end the element.
         data
     )
 }

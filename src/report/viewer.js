@@ -1,5 +1,5 @@
-// A place before and after, to be walked around: one camera looks at both, so that they are
-// always seen from the same side. Its points stand in the page, packed by `viewer.rs`.
+// A square of input and output in three dimensions. One camera shows both, always from the same
+// side. The points stand in the page, packed by `viewer.rs`.
 const {
   BufferAttribute, BufferGeometry, Color, DepthTexture, LineBasicMaterial, LineSegments, Mesh,
   OrbitControls, OrthographicCamera, PerspectiveCamera, PlaneGeometry, Points, Scene,
@@ -9,8 +9,8 @@ const {
 const element = (id) => document.getElementById(id);
 const place = JSON.parse(element("place").textContent);
 
-/// The points that stand in the element `id`: positions about the middle of the place, and
-/// their attributes, each a plane of its own.
+/// Returns the points in the element `id`: positions relative to the middle of the square, and
+/// attributes, each in a plane of its own.
 const unpack = async (id, count) => {
   const packed = Uint8Array.from(atob(element(id).textContent), (c) => c.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
@@ -52,11 +52,11 @@ const GREY = [150, 155, 160];
 const classOf = (number) => CLASSES[number] ?? [`class ${number}`, GREY];
 const swatch = (color) => `<i style="background:rgb(${color.map(Math.round).join(" ")})"></i>`;
 
-/// By what points are coloured: the colour of point `i` of a side, and a legend.
+/// Rules of colouring: the colour of point `i` of a side, and a legend.
 const colorings = {
   color: {
     of: (side, i) => [side.red[i], side.green[i], side.blue[i]],
-    legend: () => "the scanner's own colours",
+    legend: () => "colours of the scanner",
   },
   height: {
     of: (side, i) => heights(side.positions[3 * i + 2] / place.height),
@@ -74,13 +74,13 @@ const colorings = {
       return names.map(([name, color]) => `${swatch(color)} ${name}`).join(" &nbsp; ");
     },
   },
-  // By how much the nearest distance differs from what is usual, up to half a spacing.
+  // The difference between the nearest distance and its mean, up to half a spacing.
   distance: {
     of: (side, i) => (side === before ? GREY : distances(side.distance[i] / 128 - place.usual + 0.5)),
     legend: () => {
       const at = (more) => (place.usual + more).toFixed(2);
       return `output: nearest point at ${swatch(distances(0))} ${at(-0.5)} spacings or less, ` +
-        `${swatch(distances(0.5))} ${at(0)} as usual, ${swatch(distances(1))} ${at(0.5)} or more`;
+        `${swatch(distances(0.5))} ${at(0)} (the mean), ${swatch(distances(1))} ${at(0.5)} or more`;
     },
   },
 };
@@ -104,8 +104,7 @@ const pointMaterial = () => new ShaderMaterial({
     }`,
 });
 
-// What is nearer than its surroundings gets a dark rim, so that shapes are seen without light
-// (eye-dome lighting).
+// Points in front of others get a dark rim, which shows shapes without light (eye-dome lighting).
 const rim = new ShaderMaterial({
   uniforms: {
     colors: { value: null }, depths: { value: null }, pixel: { value: new Vector2() },
@@ -131,7 +130,7 @@ const rim = new ShaderMaterial({
   depthTest: false,
 });
 
-const canvas = element("look");
+const canvas = element("view");
 const before = await unpack("before", place.before);
 const after = await unpack("after", place.after);
 const renderer = new WebGLRenderer({ canvas });
@@ -173,8 +172,8 @@ const borders = new Scene().add(
 const controls = new OrbitControls(camera, canvas);
 controls.listenToKeyEvents(canvas);
 
-/// The middle of the points of `side`, how far most of them are from it, and the direction in
-/// which they lie farthest apart, from above.
+/// Returns the middle of the points of `side`, twice their standard deviation from it, and the
+/// direction of their largest extent, from above.
 const shape = (side) => {
   const at = (i, axis) => side.positions[3 * i + axis];
   const indices = Array.from({ length: side.count }, (_, i) => i);
@@ -190,13 +189,13 @@ const up = (height) => new Vector3(0, 0, height);
 const views = {
   above: () => [up(1.6 * radius).add(new Vector3(0, -0.01 * radius, 0)), up(0)],
   aslant: () => [new Vector3(-0.6, -0.95, 0.85).multiplyScalar(radius), up(0.3 * place.height)],
-  // Within, where it is longest, above the heads.
+  // From within, along the largest extent, above the heads of people.
   street: () => [
     along.clone().multiplyScalar(-0.45 * radius).add(up(0.3 * place.height)),
     along.clone().multiplyScalar(-0.25 * radius).add(up(0.27 * place.height)),
   ],
 };
-const look = (view) => {
+const show = (view) => {
   const [from, to] = views[view]();
   camera.position.copy(from).add(middle);
   controls.target.copy(to).add(middle);
@@ -255,12 +254,12 @@ matchMedia("(prefers-color-scheme:dark)").addEventListener("change", redraw);
 element("by").addEventListener("change", recolor);
 element("size").addEventListener("input", redraw);
 element("borders").addEventListener("change", redraw);
-for (const view of Object.keys(views)) element(view).addEventListener("click", () => look(view));
+for (const view of Object.keys(views)) element(view).addEventListener("click", () => show(view));
 canvas.addEventListener("keydown", (event) => {
   const nearer = { "+": 0.9, "=": 0.9, "-": 1 / 0.9 }[event.key];
   if (!nearer) return;
   camera.position.sub(controls.target).multiplyScalar(nearer).add(controls.target);
   controls.update();
 });
-look("aslant");
+show("aslant");
 recolor();

@@ -1,118 +1,143 @@
-//! The viewer: one page with a place before and after in three dimensions.
+//! The viewer: one page with a square of input and output in three dimensions.
 
 use std::io::Write;
 
 use base64::{Engine, engine::general_purpose::STANDARD};
 use flate2::{Compression, write::ZlibEncoder};
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::{Report, page, thousands};
+use super::{
+    contents::Report,
+    html::{STYLE, escape},
+    numbers::thousands,
+};
 use crate::views::{ViewerPoint, ViewerSample};
 
-/// The parts of three.js that are used (MIT licence, at its top): `scripts/bundle-three`
-/// makes it.
+/// The ending that the name of an output gets for its viewer.
+pub(crate) const VIEWER_PAGE: &str = ".viewer.html";
+
+/// The parts of three.js that are used (MIT licence, at its head), as `scripts/bundle-three`
+/// makes them.
 const THREE: &str = include_str!("three.min.js");
 const SCRIPT: &str = include_str!("viewer.js");
 const PAGE: &str = include_str!("viewer.html");
-const STYLE: &str = include_str!("viewer.css");
+const VIEWER_STYLE: &str = include_str!("viewer.css");
 
-/// The page; nothing if there is nothing to show.
-pub(super) fn viewer(report: &Report) -> Option<String> {
-    let excerpt = &report.excerpt;
-    if excerpt.after.is_empty() {
-        return None;
+impl Report {
+    /// Returns the viewer as one page that needs no other file; `None` if the square has no
+    /// point of the output.
+    pub(crate) fn to_viewer(&self) -> Option<String> {
+        let sample = &self.views.viewer_sample;
+        if sample.after.is_empty() {
+            return None;
+        }
+        let page = PAGE
+            .replace("{TITLE}", &escape(&self.run.output))
+            .replace("{STYLE}", &[STYLE, VIEWER_STYLE].concat())
+            .replace("{ABOUT}", &location(sample, self.length_unit))
+            .replace("{BEFORE}", &shown_of_input(sample))
+            .replace("{AFTER}", &thousands(sample.after.len() as u64))
+            .replace("{OPTIONS}", &options(sample))
+            .replace("{PLACE}", &description(self, sample).to_string());
+        // These are long, and so come last: no name is searched in them.
+        let long = [
+            ("{POINTS BEFORE}", packed(&sample.before)),
+            ("{POINTS AFTER}", packed(&sample.after)),
+            ("{THREE}", THREE.to_owned()),
+            ("{SCRIPT}", SCRIPT.to_owned()),
+        ];
+        filled(&page, &long)
     }
-    let [low, high] = excerpt.heights;
-    let place = json!({
-        "side": excerpt.side,
-        "spacing": excerpt.spacing,
-        "usual": report.uniformity.mean / excerpt.spacing,
-        "step": excerpt.step,
+}
+
+/// Returns `template` with every name replaced by its content; the names stand in it in this
+/// order, once each. Returns `None` if one is missing.
+fn filled(template: &str, contents: &[(&str, String)]) -> Option<String> {
+    let length = contents.iter().map(|(_, content)| content.len());
+    let mut filled = String::with_capacity(template.len() + length.sum::<usize>());
+    let mut rest = template;
+    for (name, content) in contents {
+        let (head, tail) = rest.split_once(name)?;
+        filled.push_str(head);
+        filled.push_str(content);
+        rest = tail;
+    }
+    filled.push_str(rest);
+    Some(filled)
+}
+
+/// Returns what `viewer.js` must know of the square.
+fn description(report: &Report, sample: &ViewerSample) -> Value {
+    let [low, high] = sample.heights;
+    json!({
+        "side": sample.side,
+        "spacing": sample.spacing,
+        "usual": report.evenness.output.mean / sample.spacing,
+        "step": sample.step,
         "floor": low,
-        "height": (high - low).max(excerpt.spacing),
-        "before": excerpt.before.len(),
-        "after": excerpt.after.len(),
-        "borders": excerpt.borders,
-    });
-    let all = excerpt.before.iter().chain(&excerpt.after);
-    let has = |what: fn(&ViewerPoint) -> u8| {
-        let mut values = all.clone().map(what);
+        "height": (high - low).max(sample.spacing),
+        "before": sample.before.len(),
+        "after": sample.after.len(),
+        "borders": sample.borders,
+    })
+}
+
+/// Returns the attributes that points can be coloured by, as options of a list; the first is
+/// shown at the start.
+fn options(sample: &ViewerSample) -> String {
+    let points = sample.before.iter().chain(&sample.after);
+    let varies = |attribute: fn(&ViewerPoint) -> u8| {
+        let mut values = points.clone().map(attribute);
         let first = values.next();
         values.any(|value| Some(value) != first)
     };
-    // The first of these that the points have is what one sees first.
     let colorings = [
-        ("color", "colour", excerpt.has_color),
+        ("color", "colour", sample.has_color),
         ("height", "height", true),
-        ("intensity", "intensity", has(|shown| shown.intensity)),
-        ("class", "class", has(|shown| shown.class)),
+        ("intensity", "intensity", varies(|point| point.intensity)),
+        ("class", "class", varies(|point| point.class)),
         ("distance", "spacing error", true),
     ];
-    let options: String = colorings
+    colorings
         .iter()
-        .filter(|(_, _, is_there)| *is_there)
+        .filter(|(_, _, is_useful)| *is_useful)
         .map(|(value, name, _)| format!("<option value=\"{value}\">{name}</option>"))
-        .collect();
-    let [x, y] = excerpt.middle;
-    let about = format!(
-        "{0:.2} × {0:.2} around {x:.2}, {y:.2}, where {1}",
-        excerpt.side,
-        match excerpt.borders.len() {
-            0 | 1 => "no tiles meet".to_owned(),
-            tiles => format!("{tiles} tiles meet"),
-        }
-    );
-    let page = PAGE
-        .replace("{TITLE}", &page::escape(&report.output))
-        .replace("{STYLE}", &[page::STYLE, STYLE].concat())
-        .replace("{ABOUT}", &about)
-        .replace("{BEFORE}", &before(excerpt))
-        .replace("{AFTER}", &thousands(excerpt.after.len() as u64))
-        .replace("{OPTIONS}", &options)
-        .replace("{PLACE}", &place.to_string());
-    // What is long comes last: nothing is looked for in it.
-    let long = [
-        ("{POINTS BEFORE}", packed(&excerpt.before)),
-        ("{POINTS AFTER}", packed(&excerpt.after)),
-        ("{THREE}", THREE.to_owned()),
-        ("{SCRIPT}", SCRIPT.to_owned()),
-    ];
-    let mut rest = page.as_str();
-    let mut whole = String::with_capacity(
-        page.len() + long.iter().map(|(_, content)| content.len()).sum::<usize>(),
-    );
-    for (name, content) in &long {
-        let (head, tail) = rest.split_once(name)?;
-        whole.push_str(head);
-        whole.push_str(content);
-        rest = tail;
-    }
-    whole.push_str(rest);
-    Some(whole)
+        .collect()
 }
 
-fn before(excerpt: &ViewerSample) -> String {
-    let shown = excerpt.before.len() as u64;
-    match shown == excerpt.input_points {
+/// Returns in words which square is shown.
+fn location(sample: &ViewerSample, unit: &str) -> String {
+    let [x, y] = sample.middle;
+    let tiles = match sample.borders.len() {
+        0 | 1 => "within one tile".to_owned(),
+        tiles => format!("where {tiles} tiles meet"),
+    };
+    format!(
+        "{0:.2} × {0:.2} {unit} around {x:.2}, {y:.2}, {tiles}",
+        sample.side
+    )
+}
+
+/// Returns how many points of the input are shown, and of how many.
+fn shown_of_input(sample: &ViewerSample) -> String {
+    let shown = sample.before.len() as u64;
+    match shown == sample.input_points {
         true => thousands(shown),
-        false => format!(
-            "{} of {}",
-            thousands(shown),
-            thousands(excerpt.input_points)
-        ),
+        false => format!("{} of {}", thousands(shown), thousands(sample.input_points)),
     }
 }
 
-/// Points as `viewer.js` unpacks them: planes of x, y and z (steps from the point before, 16
-/// bits), red, green, blue, intensity, class and distance, compressed, as text.
+/// Returns points as `viewer.js` unpacks them: planes of x, y and z (differences from the point
+/// before, in steps, 16 bits), red, green, blue, intensity, class and distance, compressed, as
+/// text.
 fn packed(points: &[ViewerPoint]) -> String {
     let mut planes = Vec::with_capacity(12 * points.len());
     for axis in 0..3 {
         let mut last = 0_u16;
         for point in points {
-            let place = point.position[axis];
-            planes.extend(place.wrapping_sub(last).to_le_bytes());
-            last = place;
+            let coordinate = point.position[axis];
+            planes.extend(coordinate.wrapping_sub(last).to_le_bytes());
+            last = coordinate;
         }
     }
     for channel in 0..3 {
@@ -122,7 +147,7 @@ fn packed(points: &[ViewerPoint]) -> String {
     planes.extend(points.iter().map(|point| point.class));
     planes.extend(points.iter().map(|point| point.distance));
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
-    // Memory takes what it is given.
+    // Writing to memory does not fail.
     let compressed = encoder.write_all(&planes).and_then(|()| encoder.finish());
     STANDARD.encode(compressed.unwrap_or_default())
 }

@@ -11,7 +11,6 @@ use serde::{Deserialize, Serialize};
 
 use super::worker::Worker;
 use crate::{
-    config::Settings,
     job::{
         context::RunContext,
         description::JobDescription,
@@ -89,7 +88,8 @@ impl JobDescription {
         cancel: &AtomicBool,
     ) -> Result<(), JobError> {
         let job = self.with_absolute_paths()?;
-        RunContext::with(&job, job.settings.threads, progress, cancel, |run| {
+        let threads = job.settings.resources.threads;
+        RunContext::with(&job, threads, progress, cancel, |run| {
             run.pool.install(|| join_scatter(run, worker))
         })
     }
@@ -107,9 +107,9 @@ impl JobDescription {
         progress: &dyn Progress,
         cancel: &AtomicBool,
     ) -> Result<Option<JobPlan>, JobError> {
-        let job = self.with_absolute_paths()?;
+        let mut job = self.with_absolute_paths()?;
         job.check_output()?;
-        let threads = job.settings.threads;
+        let threads = job.settings.resources.threads;
         let planned = RunContext::with(&job, threads, progress, cancel, |run| {
             run.pool.install(|| prepare(run, worker))
         })?;
@@ -118,11 +118,7 @@ impl JobDescription {
                 let (record, plan) = (planned.survey.record, planned.solver.plan);
                 // The budget is fixed, whatever machine stitches the tiles: another budget would give
                 // another plan, and other tiles.
-                let settings = Settings {
-                    memory: Some(plan.budget),
-                    ..job.settings
-                };
-                let job = Self { settings, ..job };
+                job.settings.resources.memory = Some(plan.budget);
                 let handover = Handover { job, record, plan };
                 handover.write().map(|()| handover.plan)
             })

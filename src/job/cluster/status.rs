@@ -140,7 +140,7 @@ impl JobStatus {
         let heaviest = groups.first().map_or(0, |group| cost(group));
         // A task does a whole group, however many tasks there are.
         let share = heaviest as f64 / cost(&plan.plan.tiles).max(1) as f64;
-        let seconds_of_a_core = plan.seconds_to_solve * settings.threads as f64;
+        let seconds_of_a_core = plan.seconds_to_solve * settings.resources.threads as f64;
         let seconds = seconds_of_a_core / f64::from(cores) * share.max(1.0 / f64::from(tasks));
         Ok((TIME_LIMIT_FACTOR * seconds / 60.0).ceil() as u64 + SPARE_MINUTES)
     }

@@ -10,5 +10,5 @@ mod measured_cloud;
 mod parts;
 mod surface_distances;
 
-pub(crate) use measured_cloud::measure;
+pub(crate) use measured_cloud::{Measured, measure};
 pub(crate) use surface_distances::measure_against_surface;

@@ -72,7 +72,8 @@ pub(super) fn plan_tiles(
     points_out: u64,
 ) -> Result<JobPlan, JobError> {
     let ScatteredCloud { run, spill, .. } = *cloud;
-    let halo = run.job.settings.halo.unwrap_or_else(|| options.halo());
+    let tiling = &run.job.settings.tiling;
+    let halo = tiling.halo.unwrap_or_else(|| options.halo());
 
     // Cut the plane, or keep the tiles of an earlier run.
     let plan = tiles(cloud, options, points_out, halo)?;
@@ -129,7 +130,7 @@ fn tiles(
     if let Some(found) = found.filter(|plan| plan.most_cost() <= most_cost) {
         return Ok(found);
     }
-    let tile_size = run.job.settings.tile_size;
+    let tile_size = run.job.settings.tiling.tile_size;
     let plan = Plan::make(
         &costed_squares(cloud, options, points_out)?,
         cloud.spill.grid().square(),
@@ -160,7 +161,7 @@ fn expected_seconds(
     let spill = cloud.spill;
     let points_seen: u64 = plan.tiles.iter().map(|tile| tile.points_seen).sum();
     let overlap = points_seen as f64 / spill.points().max(1) as f64;
-    let million = 1e-6 / cloud.run.job.settings.threads as f64;
+    let million = 1e-6 / cloud.run.job.settings.resources.threads as f64;
     let iterations = f64::from(options.iterations);
     let to_solve = points_out as f64 * million * STEP_SECONDS_PER_MILLION * iterations * overlap;
     let scattered = spill.points() as f64 * million;
@@ -177,7 +178,8 @@ fn check_memory(cloud: &ScatteredCloud<'_>, plan: &Plan, halo: f64) -> Result<()
     };
     let (total, needed) = (budget.total, budget.needed(tile.cost as f64));
     let points = tile.points_seen;
-    Err(JobError::Refused(match cloud.run.job.settings.tile_size {
+    let tiling = &cloud.run.job.settings.tiling;
+    Err(JobError::Refused(match tiling.tile_size {
         Some(_) => format!(
             "--tile-size makes a tile of {points} points, which takes about {}, and --memory is \
              {}; give smaller tiles or more memory",

@@ -1,7 +1,7 @@
 //! The provenance of a cloud, which the output states for those who find it later.
 
 use super::planned_job::PlannedJob;
-use crate::config::Settings;
+use crate::config::{ResourceSettings, Settings, TilingSettings};
 
 /// Describes as JSON how the cloud was made: program, settings that decide the result, inputs.
 pub(super) fn provenance(settings: &Settings, planned: &PlannedJob) -> String {
@@ -16,14 +16,12 @@ pub(super) fn provenance(settings: &Settings, planned: &PlannedJob) -> String {
         })
         .collect();
     let mut settings = Settings {
-        memory: None,
-        threads: 1,
-        tile_size: None,
-        halo: None,
+        resources: ResourceSettings::UNSTATED,
+        tiling: TilingSettings::default(),
         ..settings.clone()
     };
     // The polygon of a coast line would fill the record.
-    settings.filter.polygons = None;
+    settings.input.filter.polygons = None;
     serde_json::json!({
         "lloydar": env!("CARGO_PKG_VERSION"),
         "spacing": planned.solver.options.spacing,

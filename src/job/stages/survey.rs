@@ -79,8 +79,8 @@ impl Survey {
         }
         let requested = Requested {
             target: settings.target,
-            crs: settings.crs.clone(),
-            filter: settings.filter.clone(),
+            crs: settings.input.crs.clone(),
+            filter: settings.input.filter.clone(),
         };
         Self::merge(inputs, left_out, requested)
     }

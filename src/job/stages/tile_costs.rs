@@ -94,7 +94,7 @@ fn thinned_counts(
     let (spill, quantization) = (cloud.spill, cloud.quantization());
     let grid = spill.grid();
     // Several threads together may have the points in memory that one alone may.
-    let threads = cloud.run.job.settings.threads;
+    let threads = cloud.run.job.settings.resources.threads;
     let limit = THINNING_LIMIT.min(points_for(cloud.run.budget.tile())) / threads as u64;
     let count_in = |rect: &Rect| -> Result<ThinnedCounts, JobError> {
         let points = CountedCloud::gather(spill, rect, quantization, options, limit)?;

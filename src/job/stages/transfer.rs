@@ -90,6 +90,7 @@ impl Transfer {
     pub(crate) fn new(scanned: &RecordFormat, settings: &Settings) -> Self {
         let mut record = scanned.clone();
         let computed = settings
+            .attributes
             .with
             .iter()
             .map(|&computed| {
@@ -101,8 +102,8 @@ impl Transfer {
             })
             .collect();
         Self {
-            color: settings.color,
-            class: settings.class,
+            color: settings.attributes.color,
+            class: settings.attributes.class,
             computed,
             record,
             described_length: scanned.described_length(),

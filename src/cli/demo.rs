@@ -1,0 +1,57 @@
+//! `demo`: a street is simulated, and resampled with the options that it prints.
+
+use std::path::Path;
+
+use super::{
+    printing::result,
+    running::{run_and_report, with_ending},
+    simulating::write_street,
+    terminal::Display,
+};
+use crate::{
+    config::{Bytes, Choices, Length},
+    job::{JobDescription, JobError, default_directory},
+    report::REPORT_PAGE,
+    simulate::{Street, StreetOptions},
+};
+
+/// Simulates a street and resamples it, with all files in the directory `output`.
+pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
+    let scans = output.join("scans");
+    result!("simulating a street: 2 400 000 points in 3 passes");
+    let street = Street::new(StreetOptions {
+        length: 100.0,
+        passes: 3,
+        points: 2_400_000,
+        ..StreetOptions::default()
+    });
+    write_street(&street, &scans)?;
+    let cloud = output.join("street.laz");
+    result!(
+        "lloydar run {} -o {} --spacing 0.2 --memory 256MiB",
+        scans.display(),
+        cloud.display()
+    );
+    let choices = Choices {
+        spacing: Some(Length::plain(0.2)),
+        memory: Some(Bytes(256 << 20)),
+        ..Choices::default()
+    };
+    let page = with_ending(&cloud, REPORT_PAGE);
+    let job = JobDescription {
+        inputs: vec![scans],
+        dir: default_directory(&cloud),
+        scratch: None,
+        output: cloud,
+        settings: choices.settings(None)?,
+        overwrite: true,
+        keep: false,
+        skip_bad_files: false,
+        restart: false,
+    };
+    let code = run_and_report(&job, Display::choose(false, false))?;
+    if let Ok(page) = std::path::absolute(page) {
+        result!("\nsee it:   file://{}", page.display());
+    }
+    Ok(code)
+}

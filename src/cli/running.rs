@@ -1,0 +1,126 @@
+//! `run` and `plan`: one job by one process.
+
+use std::path::{Path, PathBuf};
+
+use super::{
+    exit::{DONE, INCOMPLETE},
+    numbers::rounded,
+    printing::result,
+    scans::{Scans, length_unit},
+    signals::{CANCEL, stop_on_signals},
+    terminal::{Display, Terminal},
+};
+use crate::{
+    job::{InputCount, JobDescription, JobError, JobPlan, write_file},
+    report::{REPORT_PAGE, Report, VIEWER_PAGE, thousands},
+};
+
+/// Does the job of `scans`.
+pub(super) fn run_job(scans: &Scans, output: &Path, restart: bool) -> Result<u8, JobError> {
+    let job = JobDescription {
+        restart,
+        ..scans.job(output)?
+    };
+    run_and_report(&job, scans.display())
+}
+
+/// Does `job`, writes its report beside the output, and prints a summary.
+pub(super) fn run_and_report(job: &JobDescription, display: Display) -> Result<u8, JobError> {
+    stop_on_signals();
+    let mut summary = String::new();
+    let outcome = job.run_and_report(&Terminal::new(display), &CANCEL, |outcome| {
+        let output = job.output.display().to_string();
+        let report = Report::new(outcome, &output, settings(job), length_unit(job));
+        summary = report.summary();
+        let pages = write_report(job, &report)?;
+        for (name, path) in ["report", "viewer"].iter().zip(pages) {
+            summary += &format!("{name:<9} {path}\n");
+        }
+        Ok(())
+    })?;
+    let Some(outcome) = outcome else {
+        if display != Display::Nothing {
+            result!("{} is complete already", job.output.display());
+        }
+        return Ok(DONE);
+    };
+    if display != Display::Nothing {
+        result!("{}", summary.trim_end());
+    }
+    let is_complete = |input: &InputCount| input.rejected == 0 && input.left_out.is_none();
+    Ok(match outcome.inputs.iter().all(is_complete) {
+        true => DONE,
+        false => INCOMPLETE,
+    })
+}
+
+/// Returns the job's settings: names, and values as JSON.
+fn settings(job: &JobDescription) -> Vec<(String, String)> {
+    let settings = serde_json::to_value(&job.settings).unwrap_or_default();
+    let settings = settings.as_object().into_iter().flatten();
+    settings
+        .map(|(name, value)| (name.clone(), value.to_string()))
+        .collect()
+}
+
+/// Returns `path` with `ending` after its name.
+pub(super) fn with_ending(path: &Path, ending: &str) -> PathBuf {
+    let mut name = path.to_owned().into_os_string();
+    name.push(ending);
+    name.into()
+}
+
+/// Writes the report and the viewer beside the output, each complete or not at all. Returns
+/// the names of the pages.
+fn write_report(job: &JobDescription, report: &Report) -> Result<Vec<String>, JobError> {
+    let write = |ending: &str, text: &str| {
+        let path = with_ending(&job.output, ending);
+        write_file(&path, text.as_bytes()).map(|()| path.display().to_string())
+    };
+    write(".report.json", &report.to_json())?;
+    let mut pages = vec![write(REPORT_PAGE, &report.to_html())?];
+    if let Some(viewer) = report.to_viewer() {
+        pages.push(write(VIEWER_PAGE, &viewer)?);
+    }
+    Ok(pages)
+}
+
+/// Prints what the job of `scans` would take.
+pub(super) fn plan_job(scans: &Scans, output: &Path, json: bool) -> Result<u8, JobError> {
+    let job = scans.job(output)?;
+    let terminal = Terminal::new(scans.display());
+    match job.plan(&terminal, &CANCEL)? {
+        None => result!("{} is complete already", output.display()),
+        Some(plan) if json => result!(
+            "{}",
+            serde_json::to_string_pretty(&plan).unwrap_or_default()
+        ),
+        Some(plan) => print_plan(&plan, length_unit(&job)),
+    }
+    Ok(DONE)
+}
+
+/// Prints a plan whose lengths are in `unit`.
+fn print_plan(plan: &JobPlan, unit: &str) {
+    let mebibytes = |bytes: u64| format!("{} MiB", thousands(bytes >> 20));
+    let length = |length: f64| format!("{} {unit}", rounded(length, plan.quantization.scale));
+    let rows = [
+        ("points in", thousands(plan.points)),
+        (
+            "points out",
+            format!("approx. {}", thousands(plan.points_out)),
+        ),
+        ("spacing", format!("{:.4} {unit}", plan.spacing)),
+        ("tiles", thousands(plan.plan.tiles.len() as u64)),
+        ("halo", length(plan.halo)),
+        (
+            "peak memory",
+            format!("{} of {}", mebibytes(plan.memory), mebibytes(plan.budget)),
+        ),
+        ("temporary disk", mebibytes(plan.temporary)),
+        ("time", format!("approx. {:.0} s", plan.seconds)),
+    ];
+    for (name, value) in rows {
+        result!("{name:<16} {value}");
+    }
+}

@@ -1,0 +1,91 @@
+//! Options of a job as written.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::{
+    length::Length,
+    quantity::{Bytes, Count, Share},
+    rectangle::Sides,
+    rules::{ClassRule, ColorRule, Computed, OnBadFile},
+};
+use crate::{
+    geometry::PatchKind,
+    lloyd::{Acceleration, SeedRule},
+};
+
+/// Options of a job as written: a configuration file, one field to an option, under the names
+/// of the flags without their dashes. `None` stands for an option that is not given.
+///
+/// The fields are not grouped: a file is flat, and an unknown name in it must be refused,
+/// which serde does for a flat struct only.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case", default)]
+pub(crate) struct Choices {
+    /// The spacing of the output.
+    pub(crate) spacing: Option<Length>,
+    /// The approximate number of points of the output.
+    pub(crate) count: Option<Count>,
+    /// The approximate number of points of the output over that of the input.
+    pub(crate) ratio: Option<Share>,
+    /// The peak memory.
+    pub(crate) memory: Option<Bytes>,
+    /// The number of worker threads.
+    pub(crate) threads: Option<usize>,
+    /// The job directory.
+    pub(crate) job: Option<PathBuf>,
+    /// Whether the job directory stays after success.
+    #[serde(skip_serializing_if = "is_false")]
+    pub(crate) keep_job: bool,
+    /// The number of Lloyd iterations.
+    pub(crate) iterations: Option<u32>,
+    /// How centroids are extrapolated.
+    pub(crate) accelerate: Option<Acceleration>,
+    /// The rule by which seeds are chosen.
+    pub(crate) seeds: Option<SeedRule>,
+    /// The kind of surface that is fitted near each site.
+    pub(crate) patch: Option<PatchKind>,
+    /// How far from the scan a point may move.
+    pub(crate) restrict: Option<Length>,
+    /// The radius of the surface fit.
+    pub(crate) smooth: Option<Length>,
+    /// The width of the widest hole to close.
+    pub(crate) fill: Option<Length>,
+    /// The edge of square tiles.
+    pub(crate) tile_size: Option<Length>,
+    /// The width of the halo of a tile.
+    pub(crate) halo: Option<Length>,
+    /// The seed of every hash.
+    pub(crate) seed: Option<u64>,
+    /// The classes to keep.
+    pub(crate) keep_class: Option<Vec<u8>>,
+    /// The classes to leave out.
+    pub(crate) drop_class: Option<Vec<u8>>,
+    /// Whether points with the flag "withheld" are left out.
+    #[serde(skip_serializing_if = "is_false")]
+    pub(crate) drop_withheld: bool,
+    /// The rectangle whose points are kept.
+    pub(crate) bounds: Option<Sides>,
+    /// The file of polygons whose points are kept.
+    pub(crate) polygon: Option<PathBuf>,
+    /// The CRS of all inputs: a code, or a file of well-known text.
+    pub(crate) crs: Option<String>,
+    /// Where colour, near infrared and intensity are taken from.
+    pub(crate) color: Option<ColorRule>,
+    /// Where the class is taken from.
+    pub(crate) class: Option<ClassRule>,
+    /// Attributes to compute.
+    pub(crate) with: Option<Vec<Computed>>,
+    /// The edge of the tiles that are written.
+    pub(crate) output_tiles: Option<Length>,
+    /// What the job does about inputs that cannot be read.
+    pub(crate) on_bad_file: Option<OnBadFile>,
+    /// Whether an existing output is replaced.
+    #[serde(skip_serializing_if = "is_false")]
+    pub(crate) overwrite: bool,
+}
+
+fn is_false(flag: &bool) -> bool {
+    !flag
+}

@@ -1,0 +1,284 @@
+//! What choices mean: defaults for options that are not given, ranges, units, and the files
+//! that options name.
+
+use std::path::PathBuf;
+
+use super::{
+    choices::Choices,
+    error::ConfigError,
+    length::Length,
+    settings::{AttributeSettings, InputSettings, ResourceSettings, Settings, TilingSettings},
+};
+use crate::{
+    las::{Crs, Ground, PointFilter},
+    lloyd::{Restriction, SolverSettings},
+    spacing::Target,
+};
+
+/// The greatest number of worker threads.
+const MOST_THREADS: usize = 1024;
+/// The greatest number of Lloyd iterations.
+const MOST_ITERATIONS: u32 = 1000;
+
+/// The unit of the CRS, to which lengths are converted.
+#[derive(Clone, Copy, Debug)]
+struct CrsUnit {
+    /// Its length in metres; `None` if it is not known.
+    metres: Option<f64>,
+}
+
+impl CrsUnit {
+    /// Returns `length`, the value of `option`, in CRS units.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError::Value`] if the length has a unit, and that of the CRS is not known.
+    fn convert(self, option: &'static str, length: Length) -> Result<f64, ConfigError> {
+        let Some(unit) = length.unit else {
+            return Ok(length.value);
+        };
+        let metres = self.metres.ok_or_else(|| ConfigError::Value {
+            option,
+            value: length.to_string(),
+            remedy: "the inputs state no CRS, and so no unit; give --crs, or a plain number",
+        })?;
+        Ok(length.value * unit.metres() / metres)
+    }
+
+    /// Returns `length`, the value of `option`, in CRS units, if it is given.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError::Value`] unless it is finite and above zero, or as for
+    /// [`convert`](Self::convert).
+    fn positive(
+        self,
+        option: &'static str,
+        length: Option<Length>,
+    ) -> Result<Option<f64>, ConfigError> {
+        let length = length.map(|length| self.convert(option, length));
+        match length.transpose()? {
+            // Written so that NaN fails.
+            Some(value) if !(value > 0.0 && value.is_finite()) => Err(ConfigError::Value {
+                option,
+                value: value.to_string(),
+                remedy: "must be a length above zero, in CRS units",
+            }),
+            valid => Ok(valid),
+        }
+    }
+}
+
+impl Choices {
+    /// Returns whether a length has a unit of its own: then the unit of the CRS must be known.
+    pub(crate) fn has_units(&self) -> bool {
+        let lengths = [
+            self.spacing,
+            self.restrict,
+            self.smooth,
+            self.fill,
+            self.tile_size,
+            self.halo,
+            self.output_tiles,
+        ];
+        lengths.iter().flatten().any(|length| length.unit.is_some())
+    }
+
+    /// Returns what these choices mean, for a CRS whose unit has this length in metres, if
+    /// that is known.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError::Target`] unless there is exactly one target, [`ConfigError::Value`] for
+    /// a value out of its range, or with a unit where that of the CRS is not known,
+    /// [`ConfigError::Named`] for a file that cannot be used.
+    pub(crate) fn settings(&self, metres: Option<f64>) -> Result<Settings, ConfigError> {
+        let unit = CrsUnit { metres };
+        Ok(Settings {
+            target: self.target(unit)?,
+            resources: self.resources()?,
+            solver: self.solver(unit)?,
+            tiling: TilingSettings {
+                tile_size: unit.positive("--tile-size", self.tile_size)?,
+                halo: unit.positive("--halo", self.halo)?,
+            },
+            input: InputSettings {
+                filter: self.filter()?,
+                crs: self.crs()?,
+            },
+            attributes: self.attributes(),
+            output_tiles: unit.positive("--output-tiles", self.output_tiles)?,
+        })
+    }
+
+    fn target(&self, unit: CrsUnit) -> Result<Target, ConfigError> {
+        let targets = [
+            unit.positive("--spacing", self.spacing)?
+                .map(Target::Spacing),
+            self.count.map(|count| Target::Count(count.0)),
+            self.ratio.map(|ratio| Target::Ratio(ratio.0)),
+        ];
+        let given: Vec<Target> = targets.into_iter().flatten().collect();
+        match given.as_slice() {
+            [Target::Count(0)] => Err(ConfigError::Value {
+                option: "--count",
+                value: "0".into(),
+                remedy: "must be at least 1",
+            }),
+            &[target] => Ok(target),
+            _ => Err(ConfigError::Target { given: given.len() }),
+        }
+    }
+
+    fn resources(&self) -> Result<ResourceSettings, ConfigError> {
+        if let Some(threads) = self.threads
+            && !(1..=MOST_THREADS).contains(&threads)
+        {
+            return Err(ConfigError::Value {
+                option: "--threads",
+                value: threads.to_string(),
+                remedy: "must be from 1 to 1024",
+            });
+        }
+        let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        Ok(ResourceSettings {
+            memory: self.memory.map(|bytes| bytes.0),
+            threads: self.threads.unwrap_or_else(cores),
+        })
+    }
+
+    fn solver(&self, unit: CrsUnit) -> Result<SolverSettings, ConfigError> {
+        if let Some(iterations) = self.iterations
+            && iterations > MOST_ITERATIONS
+        {
+            return Err(ConfigError::Value {
+                option: "--iterations",
+                value: iterations.to_string(),
+                remedy: "must be at most 1000; twenty are usual",
+            });
+        }
+        let defaults = SolverSettings::default();
+        Ok(SolverSettings {
+            iterations: self.iterations.unwrap_or(defaults.iterations),
+            acceleration: self.accelerate.unwrap_or(defaults.acceleration),
+            seeds: self.seeds.unwrap_or(defaults.seeds),
+            patch: self.patch.unwrap_or(defaults.patch),
+            restriction: unit
+                .positive("--restrict", self.restrict)?
+                .map_or(defaults.restriction, Restriction::Global),
+            smooth: unit.positive("--smooth", self.smooth)?,
+            fill: match self.fill {
+                Some(Length { value: 0.0, .. }) => Some(0.0),
+                fill => unit.positive("--fill", fill)?,
+            },
+            seed: self.seed.unwrap_or(defaults.seed),
+        })
+    }
+
+    fn filter(&self) -> Result<PointFilter, ConfigError> {
+        let ground = |path: &PathBuf| {
+            Ground::from_file(path).map_err(|problem| ConfigError::Named {
+                option: "--polygon",
+                value: path.display().to_string(),
+                problem,
+            })
+        };
+        Ok(PointFilter {
+            keep_classes: self.keep_class.clone(),
+            drop_classes: self.drop_class.clone().unwrap_or_default(),
+            drop_withheld: self.drop_withheld,
+            bounds: self.bounds.map(|sides| sides.0),
+            polygons: self.polygon.as_ref().map(ground).transpose()?,
+        })
+    }
+
+    /// Returns the CRS that is given for all inputs, if one is.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError::Named`] if it is neither a known code nor a file of text.
+    pub(crate) fn crs(&self) -> Result<Option<Crs>, ConfigError> {
+        let Some(text) = &self.crs else {
+            return Ok(None);
+        };
+        let wrong = |problem: String| ConfigError::Named {
+            option: "--crs",
+            value: text.clone(),
+            problem,
+        };
+        let code = text.to_ascii_uppercase();
+        if let Some(code) = code.strip_prefix("EPSG:") {
+            let known = code.parse().ok().and_then(Crs::of_epsg);
+            let unknown =
+                || wrong("is not a known code; give a file of well-known text instead".into());
+            return known.map(Some).ok_or_else(unknown);
+        }
+        let content = std::fs::read_to_string(text).map_err(|e| {
+            wrong(format!(
+                "is neither EPSG:… nor a file that can be read: {e}"
+            ))
+        })?;
+        Ok(Some(Crs::Wkt(content.trim().to_owned())))
+    }
+
+    fn attributes(&self) -> AttributeSettings {
+        let mut with = self.with.clone().unwrap_or_default();
+        with.sort_unstable();
+        with.dedup();
+        AttributeSettings {
+            color: self.color.unwrap_or_default(),
+            class: self.class.unwrap_or_default(),
+            with,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn choices(spacing: f64) -> Choices {
+        Choices {
+            spacing: Some(Length::plain(spacing)),
+            ..Choices::default()
+        }
+    }
+
+    #[test]
+    fn a_spacing_that_is_no_length_is_refused() {
+        for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            let error = choices(bad).settings(None).unwrap_err();
+            assert!(error.to_string().starts_with("--spacing"), "{error}");
+        }
+    }
+
+    #[test]
+    fn exactly_one_target_is_wanted() {
+        assert!(Choices::default().settings(None).is_err());
+        let two = Choices {
+            ratio: "0.5".parse().ok(),
+            ..choices(1.0)
+        };
+        assert!(two.settings(None).is_err());
+        assert!(choices(1.0).settings(None).is_ok());
+    }
+
+    #[test]
+    fn units_are_those_of_the_crs() {
+        let choices = Choices {
+            spacing: "0.2ft".parse().ok(),
+            fill: Some(Length::plain(3.0)),
+            ..Choices::default()
+        };
+        let settings = choices.settings(Some(1.0)).unwrap();
+        assert_eq!(settings.target, Target::Spacing(0.2 * 0.3048));
+        assert_eq!(settings.solver.fill, Some(3.0));
+        let settings = choices.settings(Some(0.3048)).unwrap();
+        assert_eq!(settings.target, Target::Spacing(0.2));
+        let error = choices.settings(None).unwrap_err().to_string();
+        assert!(
+            error.contains("0.2ft") && error.contains("--crs"),
+            "{error}"
+        );
+    }
+}

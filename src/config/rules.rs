@@ -1,0 +1,54 @@
+//! Choices between named rules, with the names that they have in flags and files.
+
+use serde::{Deserialize, Serialize};
+
+/// What the job does about an input that cannot be read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum OnBadFile {
+    /// The job fails and names all such inputs.
+    #[default]
+    Stop,
+    /// The job leaves the input out and says so in its report.
+    Skip,
+}
+
+/// Where a point of the output takes colour, near infrared and intensity from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum ColorRule {
+    /// The nearest input point.
+    #[default]
+    Nearest,
+    /// The mean of the input points in the cell.
+    Mean,
+}
+
+/// Where a point of the output takes its class from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum ClassRule {
+    /// The nearest input point.
+    #[default]
+    Nearest,
+    /// The class that most input points in the cell have. If several classes have equally
+    /// many points, it is the class of the nearest point if that is among them, else the
+    /// class with the least number.
+    Majority,
+}
+
+/// An attribute that is computed from the solution: the scan does not have it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum Computed {
+    /// The normal of the surface: three components of a unit vector that points upwards.
+    Normals,
+    /// The mean curvature of the surface (1 / CRS unit).
+    Curvature,
+    /// The area of the point's cell (square CRS units).
+    Area,
+    /// The number of input points in the cell over its area (1 / square CRS unit).
+    Density,
+    /// The distance to the nearest input point (CRS units).
+    Distance,
+}
