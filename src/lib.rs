@@ -33,7 +33,7 @@
 //!
 //! ```text
 //!   application   config  job  report  cli
-//!   files         las  tile
+//!   files         tile  las
 //!   numbers       geometry  lloyd  quality  simulate  picture
 //! ```
 
@@ -90,7 +90,7 @@ pub mod internals {
             BOUNDING_SIDES, Cell, Local, Moments, Neighbor, NeighborGrid, Patch, PatchKind,
             Quantization, Rect, Stored,
         },
-        las::{LasError, PlyFile, PlyStream},
+        las::{LasError, PlyFile, PlyStream, PointCounts},
         lloyd::{
             AREA_PER_SEED, Acceleration, Restriction, Scan, SeedRule, Site, Solution,
             SolverOptions, TileRegion, describe_positions, elect, solve, uniformity,
@@ -100,8 +100,8 @@ pub mod internals {
         },
         simulate::{SimulatedPoint, Street, StreetOptions},
         tile::{
-            NeighborSites, Opener, PointCounts, ScatterOptions, SeamTally, SolvedSite, Source,
-            SourceError, Spill, TileError, blend, scatter,
+            NeighborSites, Opener, ScatterOptions, SeamTally, SolvedSite, Source, SourceError,
+            Spill, TileError, blend, scatter,
         },
         tiling::CellGrid,
     };

@@ -16,8 +16,8 @@ const LAYERS: [&str; 17] = [
     "simulate",
     "picture",
     // files
-    "tile",
     "las",
+    "tile",
     // application
     "config",
     "views",

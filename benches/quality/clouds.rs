@@ -280,7 +280,7 @@ fn read(path: &Path) -> Result<Vec<[f64; 3]>, Box<dyn std::error::Error>> {
     if path.extension().is_some_and(|e| e == "ply") {
         let mut stream = PlyFile::survey(path)?.open()?;
         let mut places = Vec::new();
-        while let Some(place) = stream.next_place()? {
+        while let Some(place) = stream.next_position()? {
             places.push(place);
         }
         return Ok(places);

@@ -9,9 +9,7 @@ use crate::{
     config::Count,
     geometry::Quantization,
     job::JobError,
-    las::{
-        CloudHeader, CloudWriter, Crs, Format, RecordFormat, RecordView, Workspace, standard_length,
-    },
+    las::{CloudHeader, CloudWriter, Crs, Format, RecordFormat, RecordView, standard_length},
     report::thousands,
     simulate::{SimulatedPoint, Street, StreetOptions},
 };
@@ -133,14 +131,7 @@ fn write_pass(
     header: &CloudHeader,
     path: &Path,
 ) -> Result<u64, JobError> {
-    let workspace = Workspace {
-        spacing: header.quantization.scale,
-        tile_edge: 0.0,
-        stem: path.with_file_name("sorting"),
-        buffer_bytes: 0,
-        sort_bytes: 0,
-    };
-    let mut writer = CloudWriter::create(path, Format::Laz, header, &workspace)?;
+    let mut writer = CloudWriter::create(path, Format::Laz, header, None)?;
     let slices = street.slices(pass);
     for first in (0..slices).step_by(SLICES_AT_ONCE as usize) {
         let batch: Vec<Vec<u8>> = (first..slices.min(first + SLICES_AT_ONCE))

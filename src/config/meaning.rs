@@ -10,7 +10,7 @@ use super::{
     settings::{AttributeSettings, InputSettings, ResourceSettings, Settings, TilingSettings},
 };
 use crate::{
-    las::{Crs, Ground, PointFilter},
+    las::{Crs, PointFilter, PolygonFilter},
     lloyd::{Restriction, SolverSettings},
     spacing::Target,
 };
@@ -177,7 +177,7 @@ impl Choices {
 
     fn filter(&self) -> Result<PointFilter, ConfigError> {
         let ground = |path: &PathBuf| {
-            Ground::from_file(path).map_err(|problem| ConfigError::Named {
+            PolygonFilter::from_file(path).map_err(|problem| ConfigError::Named {
                 option: "--polygon",
                 value: path.display().to_string(),
                 problem,

@@ -1,60 +1,40 @@
-//! The only place that knows LAS, LAZ, COPC and PLY.
+//! The only module that knows LAS, LAZ, COPC, PLY and E57.
 //!
-//! Inputs of any version (1.0 to 1.4) and format (0 to 10), and polygon files, become records of
-//! the run's one format (6, 7 or 8, with the union of the extra bytes) on the
-//! run's one lattice, the moment they are decoded; from there on a record is
+//! Inputs of any version (1.0 to 1.4) and format (0 to 10), and files of vertices, become
+//! records of the run's one format (6, 7 or 8, with the union of the extra bytes) on the
+//! run's one quantization, the moment they are decoded; from there on a record is
 //! copied whole, so that no attribute can be lost on the way.
+//!
+//! ```text
+//!   read    inputs   ─► records of the run
+//!   write   records  ─► LAS, LAZ, COPC, PLY, tiles
+//!   format  what stands where in the bytes of files and records
+//! ```
 
-mod chunks;
-mod copc;
-mod crs;
-mod decoding;
-#[cfg(feature = "e57")]
-mod e57;
-mod filter;
+mod error;
 mod format;
-mod guard;
-mod header;
-mod headerless;
-mod inputs;
-mod octree;
-mod ply;
-mod ply_writing;
-mod reading;
-mod record;
-mod tiled;
-mod writing;
+mod read;
+mod write;
 
 pub(crate) use ::las::Vlr;
-pub(crate) use crs::Crs;
-pub(crate) use filter::{Ground, PointFilter};
-pub(crate) use format::record::{AveragedField, RealAttribute, RecordView, standard_length};
-pub(crate) use guard::is_decoding;
-pub(crate) use inputs::expand_inputs;
-pub use ply::PlyFile;
-pub use ply::PlyStream;
-pub(crate) use reading::{InputFile, PointStream};
-pub(crate) use record::DisplayAttributes;
-pub(crate) use record::{ExtraByte, RecordFormat};
-pub(crate) use writing::{CloudHeader, CloudWriter, CompleteCloud, Format, Workspace};
-
-use std::path::Path;
-
-/// What goes wrong with scans. Every message begins with the file.
-#[derive(Debug, thiserror::Error)]
-#[error("{path}: {problem}")]
-pub struct LasError {
-    /// The file.
-    pub(crate) path: String,
-    /// What is wrong, with the numbers, and what to do.
-    pub(crate) problem: String,
-}
-
-impl LasError {
-    pub(crate) fn new(path: &Path, problem: impl Into<String>) -> Self {
-        Self {
-            path: path.display().to_string(),
-            problem: problem.into(),
-        }
-    }
-}
+pub use error::LasError;
+pub(crate) use format::{
+    crs::Crs,
+    display::DisplayAttributes,
+    record::{AveragedField, RealAttribute, RecordView, standard_length},
+    record_format::RecordFormat,
+};
+pub(crate) use read::{
+    arguments::expand_inputs, guard::is_decoding, input::InputFile, point_filter::PointFilter,
+    polygon_filter::PolygonFilter, stream::PointStream,
+};
+pub use read::{
+    counts::PointCounts,
+    ply::{PlyFile, PlyStream},
+};
+pub(crate) use write::{
+    cloud::{CloudHeader, Workspace},
+    output_format::Format,
+    store::{RecordSorter, SortedRecords, SortingSpace, StoreError},
+    writer::{CloudWriter, CompleteCloud},
+};

@@ -1,6 +1,6 @@
 //! Records sorted by the cell of a grid: what decoders hand to the appender of a spill.
 
-use super::source::PointCounts;
+use crate::las::PointCounts;
 use crate::{
     geometry::Stored,
     tiling::{CellGrid, CellKey},

@@ -25,6 +25,7 @@ mod source;
 mod spill;
 mod spill_appender;
 mod spill_index;
+mod spill_sorting;
 mod spill_writer;
 mod stitch;
 #[cfg(test)]
@@ -38,7 +39,7 @@ pub use scatter::{ScatterOptions, scatter};
 pub(crate) use settled_tiles::SettledTiles;
 pub use solved_tile::SolvedSite;
 pub(crate) use solved_tile::SolvedTile;
-pub use source::{Opener, PointCounts, Source, SourceError};
+pub use source::{Opener, Source, SourceError};
 pub use spill::Spill;
-pub(crate) use spill_writer::SpillWriter;
+pub(crate) use spill_sorting::SpillSpace;
 pub use stitch::{NeighborSites, SeamTally, blend};

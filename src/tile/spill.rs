@@ -8,11 +8,11 @@ use std::{
 
 use super::{
     error::TileError,
-    source::PointCounts,
     spill_index::{Chunk, SpillIndex, index_path, spill_path},
 };
 use crate::{
     geometry::Rect,
+    las::PointCounts,
     tiling::{Bounds, CellGrid, SQUARES_PER_CELL_EDGE},
 };
 

@@ -22,8 +22,8 @@ use std::{
 use super::{
     checksummed_file::{read_checksummed, write_checksummed},
     error::TileError,
-    source::PointCounts,
 };
+use crate::las::PointCounts;
 use crate::tiling::{Bounds, CellGrid, CellKey, MAX_OCCUPIED_CELLS, SQUARES_PER_CELL_EDGE};
 
 const MAGIC: u64 = u64::from_le_bytes(*b"llspill3");

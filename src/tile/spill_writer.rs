@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 use super::{
     batch::Batch,
     error::TileError,
-    source::PointCounts,
     spill::Spill,
     spill_appender::{AppendOptions, SpillAppender},
 };
+use crate::las::PointCounts;
 use crate::tiling::CellGrid;
 
 /// Takes records in any order, so that they can be gathered by rectangles.
-pub(crate) struct SpillWriter {
+pub(super) struct SpillWriter {
     stem: PathBuf,
     appender: SpillAppender,
     record_length: usize,
@@ -25,7 +25,7 @@ impl SpillWriter {
     /// # Errors
     ///
     /// [`TileError::Io`] if its file cannot be made.
-    pub(crate) fn create(
+    pub(super) fn create(
         stem: &Path,
         grid: CellGrid,
         record_length: usize,
@@ -49,7 +49,7 @@ impl SpillWriter {
     /// # Errors
     ///
     /// [`TileError::Io`] if they cannot be written.
-    pub(crate) fn push(&mut self, records: &[u8]) -> Result<(), TileError> {
+    pub(super) fn push(&mut self, records: &[u8]) -> Result<(), TileError> {
         let counts = PointCounts {
             read: (records.len() / self.record_length) as u64,
             ..PointCounts::default()
@@ -64,7 +64,7 @@ impl SpillWriter {
     /// # Errors
     ///
     /// [`TileError::Io`] if it cannot be written.
-    pub(crate) fn finish(self) -> Result<Spill, TileError> {
+    pub(super) fn finish(self) -> Result<Spill, TileError> {
         self.appender.finish()?;
         Spill::open(&self.stem)
     }

@@ -5,11 +5,12 @@ use std::sync::atomic::AtomicBool;
 use super::{
     error::TileError,
     scatter::{ScatterOptions, scatter},
-    source::{Opener, PointCounts, Source, SourceError},
+    source::{Opener, Source, SourceError},
     spill::Spill,
 };
 use crate::{
     geometry::{Rect, Stored, spread},
+    las::PointCounts,
     tiling::CellGrid,
 };
 

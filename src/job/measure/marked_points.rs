@@ -7,8 +7,8 @@
 
 use crate::{
     geometry::{Quantization, Rect, Stored},
-    las::{InputFile, PointFilter, PointStream, RecordFormat},
-    tile::{PointCounts, Source, SourceError, Spill, TileError},
+    las::{InputFile, PointCounts, PointFilter, PointStream, RecordFormat},
+    tile::{Source, SourceError, Spill, TileError},
 };
 
 /// Bytes of the coordinates at the beginning of every record.

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{input_parts::InputPart, survey::Survey};
-use crate::tile::{PointCounts, Spill};
+use crate::{las::PointCounts, tile::Spill};
 
 /// Numbers of points of one input.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -3,8 +3,8 @@
 use super::survey::Survey;
 use crate::{
     job::error::JobError,
-    las::PointFilter,
-    tile::{PointCounts, Spill},
+    las::{PointCounts, PointFilter},
+    tile::Spill,
 };
 
 /// The error that says why no point of the inputs is in the `spill`: the filter, or the range of

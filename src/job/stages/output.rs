@@ -1,5 +1,7 @@
 //! From solved tiles to a complete cloud: stitch, write, views, sort.
 
+use std::sync::Arc;
+
 use super::{
     planned_job::PlannedJob, provenance::provenance, stitch::stitch, views::ResultViews,
     write::write_tiles,
@@ -14,7 +16,7 @@ use crate::{
         tile_figures::TileFigures,
     },
     las::{CloudHeader, CloudWriter, CompleteCloud, Format, Workspace},
-    tile::SettledTiles,
+    tile::{SettledTiles, SpillSpace},
     views::{CloudPair, UniformityMap},
 };
 
@@ -137,15 +139,17 @@ fn create_writer(
     let workspace = Workspace {
         spacing: solver.options.spacing,
         tile_edge: job.settings.output_tiles.unwrap_or(0.0),
-        stem: scratch.path().join("octree"),
-        buffer_bytes: run.budget.buffers(),
+        sorting: Arc::new(SpillSpace {
+            stem: scratch.path().join("octree"),
+            buffer_bytes: run.budget.buffers(),
+        }),
         sort_bytes: run.budget.tile() as usize / 2,
     };
     Ok(CloudWriter::create(
         &job.output,
         format,
         &header,
-        &workspace,
+        Some(&workspace),
     )?)
 }
 

@@ -17,11 +17,8 @@ use crate::{
         error::{JobError, LeftOut},
         progress::{Progress, Unit},
     },
-    las::{LasError, PointStream},
-    tile::{
-        CellGrid, Opener, PointCounts, ScatterOptions, Source, SourceError, Spill, TileError,
-        scatter,
-    },
+    las::{LasError, PointCounts, PointStream},
+    tile::{CellGrid, Opener, ScatterOptions, Source, SourceError, Spill, TileError, scatter},
 };
 
 /// Bytes that are spilled between checkpoints: a scatter that is killed loses as many.

@@ -69,6 +69,15 @@ pub(in crate::las) fn scan_angle_units(degrees: f64) -> i16 {
     (degrees / DEGREES_PER_SCAN_ANGLE_UNIT).round() as i16
 }
 
+/// The coordinates at the beginning of a record of any point format, in its own stored units.
+#[inline]
+pub(in crate::las) fn coordinates(record: &[u8]) -> [i32; 3] {
+    [0, 1, 2].map(|axis| {
+        let at = COORDINATES.start + 4 * axis;
+        i32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]])
+    })
+}
+
 /// A field of 16 bits that can be averaged over several records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AveragedField {
@@ -168,16 +177,8 @@ impl<B: AsRef<[u8]>> RecordView<B> {
     /// The position of the point, in stored units.
     #[inline]
     pub(crate) fn position(&self) -> Stored {
-        let bytes = self.0.as_ref();
-        let coordinate = |axis: usize| {
-            let at = COORDINATES.start + 4 * axis;
-            i32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
-        };
-        Stored {
-            x: coordinate(0),
-            y: coordinate(1),
-            z: coordinate(2),
-        }
+        let [x, y, z] = coordinates(self.0.as_ref());
+        Stored { x, y, z }
     }
 
     /// The intensity of the return.

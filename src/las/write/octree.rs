@@ -1,58 +1,61 @@
-//! Which point goes to which node of an octree, whatever the order of the points.
+//! The node of an octree that each point belongs to, whatever the order of the points.
 //!
 //! A node at level *l* is a cube, cut into equal voxels along its edges; both are half
-//! as wide at the next level. At every level each voxel keeps one of the points that no
-//! level before has kept: the one with the highest lot. So every
-//! level is twice as dense along an edge as the one before, the choice of a voxel needs no
-//! more than the points in it, and a node with points below it has points itself (some
-//! readers turn back at a node without).
+//! as wide at the next level. At every level each voxel takes one of the points that no
+//! level before has taken: the one with the highest tie-break hash. So every level is twice
+//! as dense along an edge as the one before, the choice of a voxel needs no more than the
+//! points in it, and a node with points below it has points itself (some readers turn back at
+//! a node without).
 
+use super::morton::{collect, interleave};
 use crate::{
     geometry::{Rect, Stored},
     tiling::Bounds,
 };
 
-/// Bits of a voxel's number along an axis, at the finest level: three of them are a key.
-const MOST_BITS: u32 = 21;
+/// The most bits of a voxel's number along an axis: three of them are a key of 63 bits.
+const MOST_VOXEL_BITS: u32 = 21;
 
-/// A node: its level, and its place among the nodes of the level.
+/// The key of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) struct NodeKey {
+    /// The level of the node, the root's being 0.
     pub(super) level: u32,
-    pub(super) place: [u32; 3],
+    /// The position of the node among the cubes of its level.
+    pub(super) position: [u32; 3],
 }
 
 impl NodeKey {
-    /// The node that this one is a child of; `None` of the root.
+    /// The parent of the node; `None` of the root.
     #[cfg(test)]
     fn parent(self) -> Option<Self> {
         Some(Self {
             level: self.level.checked_sub(1)?,
-            place: self.place.map(|c| c >> 1),
+            position: self.position.map(|c| c >> 1),
         })
     }
 }
 
-/// A cube of stored units, its levels, nodes and voxels. It is no larger than it has to
-/// be: some readers take the header's bounds for it.
+/// A cube of stored units, with its levels, nodes and voxels. It is no larger than
+/// necessary: some readers take the header's bounds for it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Octree {
-    /// The least coordinates in it.
+    /// The least coordinates in the cube.
     corner: [i64; 3],
-    /// Its edge: nodes and voxels are its halves, quarters and so on.
+    /// The edge of the cube; nodes and voxels are its halves, quarters and so on.
     edge: i64,
     /// The deepest level.
     deepest: u32,
-    /// Voxels along the edge of a node are two to the power of this.
+    /// The binary logarithm of the number of voxels along the edge of a node.
     voxel_bits: u32,
 }
 
 impl Octree {
     /// An octree around `bounds`, whose deepest level has voxels no wider than the
-    /// `spacing` of the points (stored units), unless those are too many.
+    /// `spacing` of the points (stored units), unless there are too many of them.
     pub(super) fn around(bounds: &Bounds, spacing: i64, voxel_bits: u32) -> Self {
         let edge = bounds.extent().max(1);
-        let most = MOST_BITS - voxel_bits;
+        let most = MOST_VOXEL_BITS - voxel_bits;
         Self {
             corner: bounds.min.map(i64::from),
             edge,
@@ -63,43 +66,44 @@ impl Octree {
         }
     }
 
-    /// Edge of the cube in stored units.
+    /// The edge of the cube in stored units.
     pub(super) fn edge(&self) -> i64 {
         self.edge
     }
 
-    /// Least coordinates of the cube.
+    /// The least coordinates of the cube, in stored units.
     pub(super) fn corner(&self) -> [i64; 3] {
         self.corner
     }
 
-    /// Width of the voxels of the root, in stored units.
+    /// The width of the voxels of the root, in stored units.
     pub(super) fn root_spacing(&self) -> f64 {
         self.edge as f64 / f64::from(1 << self.voxel_bits)
     }
 
-    /// Levels whose columns hold all of every voxel in them: the choice of points can
-    /// be made column by column.
+    /// The deepest level whose columns contain each of the root's voxels whole or not at
+    /// all, so that points can be chosen column by column.
     pub(super) fn deepest_column(&self) -> u32 {
         self.voxel_bits.min(self.deepest)
     }
 
-    /// Which of two to the power of `bits` equal parts of the cube `c` lies in; its far
-    /// side belongs to the last.
+    /// The index of the part in which `c` lies, of 2^`bits` equal parts of the cube; the far
+    /// side of the cube belongs to the last one.
     fn part(&self, c: i64, axis: usize, bits: u32) -> u32 {
         let most = (1 << bits) - 1;
         (((c - self.corner[axis]) << bits).div_euclid(self.edge)).clamp(0, most) as u32
     }
 
-    /// The column of nodes at `level` that holds the place (`x`, `y`).
+    /// The column of nodes at `level` that contains the position (`x`, `y`).
     pub(super) fn column_of(&self, x: i64, y: i64, level: u32) -> [u32; 2] {
         [self.part(x, 0, level), self.part(y, 1, level)]
     }
 
-    /// The ground of a column of nodes at `level`.
-    pub(super) fn ground(&self, column: [u32; 2], level: u32) -> Rect {
+    /// The rectangle of a column of nodes at `level`, in stored units.
+    pub(super) fn rect_of_column(&self, column: [u32; 2], level: u32) -> Rect {
         let begin = |axis: usize, part: u32| {
-            // The first unit of the part, behind the far side of the cube for the last.
+            // The first unit of the part; the end of the last part is behind the cube's far
+            // side.
             let rounded_up = (i64::from(part) * self.edge + (1 << level) - 1) >> level;
             self.corner[axis] + rounded_up + i64::from(part == 1 << level)
         };
@@ -109,26 +113,26 @@ impl Octree {
         }
     }
 
-    /// The voxel of `point` at the deepest level: its place, bits interleaved.
+    /// The key of the voxel of `point` at the deepest level: its numbers in Morton order.
     pub(super) fn voxel_key(&self, point: Stored) -> u64 {
         let bits = self.voxel_bits + self.deepest;
-        let place = |c: i32, axis: usize| u64::from(self.part(c.into(), axis, bits));
-        interleaved(place(point.x, 0))
-            | interleaved(place(point.y, 1)) << 1
-            | interleaved(place(point.z, 2)) << 2
+        let number = |c: i32, axis: usize| u64::from(self.part(c.into(), axis, bits));
+        interleave(number(point.x, 0))
+            | interleave(number(point.y, 1)) << 1
+            | interleave(number(point.z, 2)) << 2
     }
 
-    /// The node at `level` that holds the voxel of `key`.
+    /// The node at `level` that contains the voxel of `key`.
     pub(super) fn node(&self, key: u64, level: u32) -> NodeKey {
         let key = key >> (3 * (self.deepest - level + self.voxel_bits));
         NodeKey {
             level,
-            place: [0, 1, 2].map(|axis| collected(key >> axis)),
+            position: [0, 1, 2].map(|axis| collect(key >> axis)),
         }
     }
 
-    /// The level of each of `points`, which are sorted by the key of their voxel and
-    /// fill all voxels that they are in.
+    /// The level of each of `points`, which are sorted by the key of their voxel, and are all
+    /// points of the root's voxels in which they lie.
     pub(super) fn levels(&self, points: &[(u64, Stored)]) -> Vec<u8> {
         let mut levels = vec![u8::MAX; points.len()];
         let mut start = 0;
@@ -142,7 +146,7 @@ impl Octree {
         levels
     }
 
-    /// Gives those points of a voxel at `level` that have none their level.
+    /// Gives a level to those points of a voxel at `level` that have none yet.
     fn choose(&self, points: &[(u64, Stored)], level: u32, levels: &mut [u8]) {
         let best = (0..points.len())
             .filter(|&i| levels[i] == u8::MAX)
@@ -166,26 +170,6 @@ impl Octree {
             start = end;
         }
     }
-}
-
-/// The lowest 21 bits of `value`, each followed by two zeros.
-fn interleaved(value: u64) -> u64 {
-    let mut v = value & 0x1f_ffff;
-    v = (v | v << 32) & 0x1f_0000_0000_ffff;
-    v = (v | v << 16) & 0x1f_0000_ff00_00ff;
-    v = (v | v << 8) & 0x100f_00f0_0f00_f00f;
-    v = (v | v << 4) & 0x10c3_0c30_c30c_30c3;
-    (v | v << 2) & 0x1249_2492_4924_9249
-}
-
-/// Every third bit of `value`: what was [`interleaved`].
-fn collected(value: u64) -> u32 {
-    let mut v = value & 0x1249_2492_4924_9249;
-    v = (v | v >> 2) & 0x10c3_0c30_c30c_30c3;
-    v = (v | v >> 4) & 0x100f_00f0_0f00_f00f;
-    v = (v | v >> 8) & 0x1f_0000_ff00_00ff;
-    v = (v | v >> 16) & 0x1f_0000_0000_ffff;
-    ((v | v >> 32) & 0x1f_ffff) as u32
 }
 
 #[cfg(test)]
@@ -222,17 +206,9 @@ mod tests {
         Octree::around(&bounds, spacing, voxel_bits)
     }
 
+    /// The slow twin goes through all points for each level.
     #[test]
-    fn bits_are_found_again() {
-        for i in 0..1000 {
-            let value = spread(i) & 0x1f_ffff;
-            assert_eq!(u64::from(collected(interleaved(value))), value);
-        }
-    }
-
-    /// The twin goes through level after level, and through all points for each of them.
-    #[test]
-    fn every_voxel_keeps_one_of_what_is_left() {
+    fn every_voxel_takes_one_of_the_points_that_are_left() {
         let cloud = cloud(3000);
         let octree = around(&cloud, 40, 2);
         let points = sorted(&octree, &cloud);
@@ -244,14 +220,14 @@ mod tests {
             for &i in &left {
                 let voxel = points[i].0 >> (3 * (octree.deepest - level));
                 let rank = |i: usize| (points[i].1.tie_break_hash(), points[i].1);
-                let kept = best.entry(voxel).or_insert(i);
-                if rank(i) > rank(*kept) {
-                    *kept = i;
+                let taken = best.entry(voxel).or_insert(i);
+                if rank(i) > rank(*taken) {
+                    *taken = i;
                 }
             }
-            for kept in best.into_values() {
-                truth[kept] = level;
-                left.retain(|&i| i != kept);
+            for taken in best.into_values() {
+                truth[taken] = level;
+                left.retain(|&i| i != taken);
             }
         }
         assert!(levels.iter().zip(&truth).all(|(&l, &t)| u32::from(l) == t));
@@ -267,22 +243,22 @@ mod tests {
     }
 
     #[test]
-    fn a_node_holds_its_points() {
+    fn a_node_contains_its_points() {
         let cloud = cloud(2000);
         let octree = around(&cloud, 30, 3);
         for (key, point) in sorted(&octree, &cloud) {
             for level in 0..=octree.deepest {
                 let node = octree.node(key, level);
                 let edge = octree.edge as f64 / f64::from(1 << level);
-                let place = [point.x, point.y, point.z];
+                let coordinates = [point.x, point.y, point.z];
                 for axis in 0..3 {
-                    let low = octree.corner[axis] as f64 + f64::from(node.place[axis]) * edge;
-                    assert!((low..=low + edge).contains(&f64::from(place[axis])));
+                    let low = octree.corner[axis] as f64 + f64::from(node.position[axis]) * edge;
+                    assert!((low..=low + edge).contains(&f64::from(coordinates[axis])));
                 }
-                let column = [node.place[0], node.place[1]];
-                assert!(octree.ground(column, level).contains(point));
-                let place = octree.column_of(point.x.into(), point.y.into(), level);
-                assert_eq!(place, column);
+                let column = [node.position[0], node.position[1]];
+                assert!(octree.rect_of_column(column, level).contains(point));
+                let found = octree.column_of(point.x.into(), point.y.into(), level);
+                assert_eq!(found, column);
             }
         }
     }
@@ -294,7 +270,7 @@ mod tests {
         for level in [0, octree.deepest] {
             for end in ends {
                 let node = octree.node(octree.voxel_key(end), level);
-                assert!(node.place.iter().all(|&c| c < 1 << level));
+                assert!(node.position.iter().all(|&c| c < 1 << level));
             }
         }
     }

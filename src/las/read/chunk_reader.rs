@@ -13,50 +13,46 @@ use laz::{
     record::{LayeredPointRecordDecompressor, RecordDecompressor},
 };
 
-use super::guard::{GuardedFile, guarded};
+use super::guard::{DECODER_FAILED, GuardedFile, guarded};
+use crate::las::format::chunk_table::Chunk;
 
-/// Points that are compressed together.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Chunk {
-    /// Where in the file it begins.
-    pub(super) at: u64,
-    /// How many there are.
-    pub(super) points: u64,
-    /// The rectangle that they lie in, if that is known: least and greatest x and y.
-    pub(super) ground: Option<[[f64; 2]; 2]>,
-}
+/// The levels that an octree can have: beyond them bits of a node's number would be lost.
+const LEVELS: Range<i32> = 0..31;
 
-/// Gives every chunk that is a node of the octree the node's ground.
-pub(super) fn place_chunks(chunks: &mut [Chunk], info: &CopcInfoVlr, hierarchy: &CopcHierarchyVlr) {
+/// Gives each of `chunks` that is a node of the octree the rectangle of that node.
+pub(super) fn assign_rectangles(
+    chunks: &mut [Chunk],
+    info: &CopcInfoVlr,
+    hierarchy: &CopcHierarchyVlr,
+) {
     for entry in hierarchy.iter_entries().flatten() {
-        // A level beyond that would shift bits out of its number.
-        if !(0..31).contains(&entry.key.l) {
+        if !LEVELS.contains(&entry.key.l) {
             continue;
         }
         // Chunks are in the order of the file.
-        if let Ok(place) = chunks.binary_search_by_key(&entry.offset, |chunk| chunk.at) {
+        if let Ok(index) = chunks.binary_search_by_key(&entry.offset, |chunk| chunk.offset) {
             let cube = entry.key.bounds(info);
-            chunks[place].ground = Some([[cube.min.x, cube.min.y], [cube.max.x, cube.max.y]]);
+            chunks[index].rectangle = Some([[cube.min.x, cube.min.y], [cube.max.x, cube.max.y]]);
         }
     }
 }
 
-/// The points of some chunks, one after the other.
+/// The points of several chunks, one after the other.
 pub(super) struct ChunkReader {
     decompressor: LayeredPointRecordDecompressor<'static, GuardedFile>,
     items: Vec<LazItem>,
-    /// What is still to be read, the next last.
+    /// The chunks that are still to be read; the next one is the last.
     chunks: Vec<Chunk>,
-    /// Points of the present chunk that are not read yet.
+    /// The number of points of the present chunk that are still to be read.
     left: u64,
 }
 
 impl ChunkReader {
-    /// The points `range` of the file at `path`, whose points are the `chunks`.
+    /// Opens the file at `path`, whose points are the `chunks`, at the points `range`.
     ///
     /// # Errors
     ///
-    /// What is wrong with the file.
+    /// A text that says what is wrong with the file.
     pub(super) fn open(
         path: &Path,
         items: Vec<LazItem>,
@@ -87,7 +83,7 @@ impl ChunkReader {
     ///
     /// # Errors
     ///
-    /// Why they cannot be decoded.
+    /// A text that says why they cannot be decoded.
     pub(super) fn fill(&mut self, wanted: u64, raw: &mut Vec<u8>) -> Result<u64, String> {
         raw.clear();
         let mut read = 0;
@@ -106,7 +102,7 @@ impl ChunkReader {
             match guarded(|| decompressor.decompress_many(&mut raw[start..])) {
                 Some(Ok(())) => {}
                 Some(Err(error)) => return Err(error.to_string()),
-                None => return Err("the decoder gave up".to_owned()),
+                None => return Err(DECODER_FAILED.to_owned()),
             }
             self.left -= now;
             read += now;
@@ -114,8 +110,12 @@ impl ChunkReader {
         Ok(read)
     }
 
+    /// Moves to the first point of `chunk`.
     fn enter(&mut self, chunk: &Chunk) -> Result<(), String> {
-        let sought = self.decompressor.get_mut().seek(SeekFrom::Start(chunk.at));
+        let sought = self
+            .decompressor
+            .get_mut()
+            .seek(SeekFrom::Start(chunk.offset));
         sought.map_err(|e| e.to_string())?;
         self.decompressor.reset();
         let fields = self.decompressor.set_fields_from(&self.items);

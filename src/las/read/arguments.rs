@@ -1,27 +1,27 @@
-//! Which files are meant: files, directories and patterns.
+//! The files that arguments name: files, directories and patterns.
 
 use std::path::{Path, PathBuf};
 
-use super::LasError;
+use crate::las::error::LasError;
 
-/// The scans that `arguments` name: files as they are; of directories every
-/// `.las` and `.laz` file in them, at any depth; of patterns (`city/*.laz`)
-/// every match. Sorted, each file once.
+/// Lists the scans that `arguments` name: a file as it is; all `.las` and `.laz` files in a
+/// directory, at any depth; every match of a pattern (`city/*.laz`). They are sorted, and
+/// each file is listed once.
 ///
 /// # Errors
 ///
-/// A file that is not there, a directory without scans, a pattern without a
-/// match, a name that is neither file nor directory.
+/// If a file does not exist, a directory has no scans, a pattern matches nothing, or a name
+/// is neither a file nor a directory.
 pub(crate) fn expand_inputs(arguments: &[PathBuf]) -> Result<Vec<PathBuf>, LasError> {
     let mut files = Vec::new();
     for argument in arguments {
         let before = files.len();
         if argument.is_dir() {
-            collect(argument, &mut files)?;
+            collect_scans(argument, &mut files)?;
             if files.len() == before {
                 return Err(LasError::new(
                     argument,
-                    "the directory holds no .las or .laz file",
+                    "the directory has no .las or .laz file in it",
                 ));
             }
         } else if argument.exists() {
@@ -46,16 +46,16 @@ pub(crate) fn expand_inputs(arguments: &[PathBuf]) -> Result<Vec<PathBuf>, LasEr
     Ok(known.into_iter().map(|(_, file)| file).collect())
 }
 
-fn collect(directory: &Path, files: &mut Vec<PathBuf>) -> Result<(), LasError> {
-    let unreadable =
-        |error: std::io::Error| LasError::new(directory, format!("cannot be read: {error}"));
+/// Adds all scans in `directory`, at any depth, to `files`.
+fn collect_scans(directory: &Path, files: &mut Vec<PathBuf>) -> Result<(), LasError> {
+    let unreadable = |error: std::io::Error| LasError::unreadable(directory, error);
     for entry in std::fs::read_dir(directory).map_err(unreadable)? {
         let entry = entry.map_err(unreadable)?;
         let kind = entry.file_type().map_err(unreadable)?;
         let path = entry.path();
         // Links to directories are not followed: they may lead in circles.
         if kind.is_dir() {
-            collect(&path, files)?;
+            collect_scans(&path, files)?;
         } else if is_scan(&path) && is_file(&path)? {
             files.push(path);
         }
@@ -63,22 +63,25 @@ fn collect(directory: &Path, files: &mut Vec<PathBuf>) -> Result<(), LasError> {
     Ok(())
 }
 
+/// Whether the name of `path` ends as that of a scan.
 fn is_scan(path: &Path) -> bool {
     path.extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("las") || e.eq_ignore_ascii_case("laz"))
 }
 
+/// Adds all files that match the pattern `argument` to `files`.
 fn match_pattern(argument: &Path, files: &mut Vec<PathBuf>) -> Result<(), LasError> {
     let Some(pattern) = argument.to_str() else {
         return Ok(());
     };
-    let matches = glob::glob(pattern)
-        .map_err(|error| LasError::new(argument, format!("is no pattern: {error}")))?;
+    let matches = glob::glob(pattern).map_err(|error| {
+        LasError::new(
+            argument,
+            format!("is neither a file nor a valid pattern: {error}"),
+        )
+    })?;
     for found in matches {
-        let path = found.map_err(|error| {
-            let problem = format!("cannot be read: {}", error.error());
-            LasError::new(error.path(), problem)
-        })?;
+        let path = found.map_err(|error| LasError::unreadable(error.path(), error.error()))?;
         if is_file(&path)? {
             files.push(path);
         }
@@ -86,14 +89,14 @@ fn match_pattern(argument: &Path, files: &mut Vec<PathBuf>) -> Result<(), LasErr
     Ok(())
 }
 
-/// Whether there is a file at `path`. One that cannot be looked at is not left out
-/// without a word.
+/// Whether there is a file at `path`. It is an error if that cannot be found out, so that no
+/// file is left out silently.
 fn is_file(path: &Path) -> Result<bool, LasError> {
     match std::fs::metadata(path) {
         Ok(metadata) => Ok(metadata.is_file()),
-        // A link to nowhere.
+        // The path is a link to nothing.
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(false),
-        Err(error) => Err(LasError::new(path, format!("cannot be read: {error}"))),
+        Err(error) => Err(LasError::unreadable(path, error)),
     }
 }
 
@@ -123,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_there_is_named() {
+    fn a_missing_file_is_named_in_the_error() {
         let dir = tempfile::tempdir().unwrap();
         for missing in ["no.laz", "*.laz", "["] {
             let error = expand_inputs(&[dir.path().join(missing)]).unwrap_err();

@@ -1,7 +1,7 @@
 //! E57 files (ASTM E2807): scans of several stations in one.
 //!
-//! The reader lends out its points, and cannot be kept with them; so it lives in a thread
-//! of its own, and sends them.
+//! The reader lends its points, and cannot be kept with them in one value; so it runs in a
+//! thread of its own, and sends them.
 
 use std::{
     path::{Path, PathBuf},
@@ -10,9 +10,9 @@ use std::{
 
 use e57::{CartesianCoordinate, E57Reader, Point};
 
-use super::{
-    Crs, LasError,
-    ply::{PlyLayout, Scalar},
+use crate::las::{
+    error::LasError,
+    format::{crs::Crs, ply::Scalar, vertex_layout::VertexLayout},
 };
 
 /// An E57 file whose header was read.
@@ -23,23 +23,23 @@ pub(super) struct E57File {
     has_color: bool,
 }
 
-/// Points that are sent at once, and how often before they are taken.
-const BATCH: usize = 4096;
-const WAITING: usize = 2;
+/// The number of points in a message of the reading thread.
+const POINTS_PER_MESSAGE: usize = 4096;
+/// The number of messages that wait before the reading thread does.
+const WAITING_MESSAGES: usize = 2;
 
 impl E57File {
     /// Reads the header of the file at `path`.
     ///
     /// # Errors
     ///
-    /// If it cannot be read.
+    /// If the file cannot be read.
     pub(super) fn survey(path: &Path) -> Result<Self, LasError> {
-        let reader = E57Reader::from_file(path)
-            .map_err(|e| LasError::new(path, format!("cannot be read: {e}")))?;
+        let reader = E57Reader::from_file(path).map_err(|e| LasError::unreadable(path, e))?;
         let metadata = reader.coordinate_metadata().map(str::trim);
         Ok(Self {
             path: path.to_owned(),
-            // What is no well-known text is for people.
+            // Metadata that are no well-known text are for people.
             crs: metadata
                 .filter(|text| text.contains('[') && !text.contains(char::is_control))
                 .map(|text| Crs::Wkt(text.to_owned())),
@@ -52,8 +52,8 @@ impl E57File {
         self.crs.clone()
     }
 
-    /// How its points become records.
-    pub(super) fn layout(&self) -> PlyLayout {
+    /// The layout of the records that points become.
+    pub(super) fn layout(&self) -> VertexLayout {
         let mut properties = Vec::new();
         let mut add = |name: &str, kind| properties.push((name.to_owned(), kind));
         for name in ["x", "y", "z"] {
@@ -65,15 +65,15 @@ impl E57File {
                 add(name, Scalar::Float(4));
             }
         }
-        PlyLayout::of(&properties)
+        VertexLayout::of(&properties)
     }
 
-    /// Its points, from the first: in the order of [`layout`](Self::layout).
+    /// The points from the first on; their values are in the order of [`layout`](Self::layout).
     pub(super) fn open(&self) -> E57Stream {
-        let (sender, receiver) = sync_channel(WAITING);
+        let (sender, receiver) = sync_channel(WAITING_MESSAGES);
         let file = self.clone();
         std::thread::spawn(move || {
-            // Nobody waits for what is left when the stream is gone.
+            // It is no error if the stream is gone, and no more points are wanted.
             if let Err(error) = file.send(&sender) {
                 drop(sender.send(Err(error)));
             }
@@ -84,14 +84,17 @@ impl E57File {
         }
     }
 
+    /// Sends all points, or as many as are wanted, to `sender`.
     fn send(&self, sender: &SyncSender<Result<Vec<Values>, String>>) -> Result<(), String> {
         let broken = |e: e57::Error| format!("is damaged: {e}");
         let mut reader = E57Reader::from_file(&self.path).map_err(broken)?;
-        let mut batch = Vec::with_capacity(BATCH);
+        let mut batch = Vec::with_capacity(POINTS_PER_MESSAGE);
         for cloud in reader.pointclouds() {
             for point in reader.pointcloud_simple(&cloud).map_err(broken)? {
                 batch.extend(values(&point.map_err(broken)?));
-                if batch.len() == BATCH && sender.send(Ok(std::mem::take(&mut batch))).is_err() {
+                if batch.len() == POINTS_PER_MESSAGE
+                    && sender.send(Ok(std::mem::take(&mut batch))).is_err()
+                {
                     return Ok(());
                 }
             }
@@ -101,10 +104,10 @@ impl E57File {
     }
 }
 
-/// Place, intensity, colour.
+/// The values of a point: x, y, z, intensity (0 to 65 535), red, green, blue (0 to 1).
 type Values = [f64; 7];
 
-/// The values of a point; `None` if it is only a direction in which nothing was hit.
+/// The values of `point`; `None` if it is only a direction in which nothing was hit.
 fn values(point: &Point) -> Option<Values> {
     let CartesianCoordinate::Valid { x, y, z } = point.cartesian else {
         return None;
@@ -113,7 +116,7 @@ fn values(point: &Point) -> Option<Values> {
         .color
         .as_ref()
         .map_or([0.0; 3], |c| [c.red, c.green, c.blue].map(f64::from));
-    // From nothing to all that is possible: sixteen bits, as LAS has it.
+    // Intensities from 0 to 1 become sixteen bits, as LAS has them.
     let intensity = f64::from(point.intensity.unwrap_or(0.0)) * 65_535.0;
     Some([x, y, z, intensity, red, green, blue])
 }
@@ -145,7 +148,7 @@ mod tests {
     use e57::{E57Writer, Record, RecordValue};
 
     use super::*;
-    use crate::las::InputFile;
+    use crate::las::read::input::InputFile;
 
     #[test]
     fn points_are_read_and_directions_are_not() {
@@ -190,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_cut_is_an_error() {
+    fn a_truncated_file_is_an_error() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("scan.e57");
         std::fs::write(&path, b"ASTM-E57 and no more").unwrap();

@@ -1,76 +1,84 @@
-//! What stands between a damaged file and the decoder.
+//! A guard between damaged files and decoders.
 //!
 //! A decoder should answer damage with an error. Some damage makes it panic instead,
-//! call itself without end, or take a record of any length into memory. Here that
-//! becomes an error, too.
+//! call itself without end, or read a record of any length into memory. The guard turns
+//! that into errors, too.
 
 use std::{
     cell::Cell,
     fs::File,
     io::{self, BufReader, Read, Seek, SeekFrom},
-    ops::Range,
     panic::{AssertUnwindSafe, catch_unwind},
 };
 
-/// Where a header of LAS 1.4 says how many extended records there are.
-const EXTENDED_COUNT: Range<u64> = 243..247;
-/// Bytes of stack that decoding takes at the most: it takes a few thousand, threads
-/// have two million, and between two reads a decoder that calls itself comes some
-/// hundred thousand deep.
-const DEEPEST: usize = 512 << 10;
+use crate::las::format::header::{EXTENDED_COUNT, VERSION};
+
+/// The most bytes of stack that decoding may take. Sound files take a few thousand and
+/// threads have two million; between two reads a decoder that calls itself takes some
+/// hundred thousand.
+const MOST_STACK_BYTES: usize = 512 << 10;
+/// What is said of a file on which the decoder panics.
+pub(super) const DECODER_FAILED: &str = "the decoder stopped at damaged data";
 
 thread_local! {
-    /// Where the stack was when decoding began; 0 if this thread does not decode.
+    /// The address of the stack when decoding began; 0 if this thread does not decode.
     static STACK: Cell<usize> = const { Cell::new(0) };
 }
 
-/// Whether this thread decodes: a panic then is no more than damaged data, and is told
-/// as such. For a panic hook to be quiet about.
+/// Whether this thread decodes: a panic then means damaged data, which is reported as an
+/// error. A panic hook asks this, to be silent.
 pub(crate) fn is_decoding() -> bool {
     STACK.get() != 0
 }
 
-/// Calls a decoder; `None` if it panics. Its reader is not to be used again then.
+/// Calls a decoder; returns `None` if it panics. Its reader must not be used again then.
 pub(super) fn guarded<T>(decode: impl FnOnce() -> T) -> Option<T> {
-    STACK.set(stack());
+    STACK.set(stack_address());
     let decoded = catch_unwind(AssertUnwindSafe(decode));
     STACK.set(0);
     decoded.ok()
 }
 
-/// About where the stack is.
+/// An address near the end of the stack.
 #[inline]
-fn stack() -> usize {
+fn stack_address() -> usize {
     let here = 0_u8;
     &raw const here as usize
 }
 
 /// A file that is read by a decoder.
 ///
-/// Its header says that no extended records follow: the reader of points would take
-/// the first into memory, however long it is.
+/// The number of extended records in its header reads as 0: the reader of points would read
+/// the first of them into memory, however long it is.
 pub(super) struct GuardedFile {
     file: BufReader<File>,
+    /// The offset of the next byte.
     at: u64,
+    /// Whether the header has a number of extended records (LAS 1.4).
     has_count: bool,
 }
 
 impl GuardedFile {
+    /// Reads `file` from its beginning.
+    ///
+    /// # Errors
+    ///
+    /// If the file cannot be read up to the version of its header.
     pub(super) fn new(mut file: File) -> io::Result<Self> {
-        let mut beginning = [0; 26];
+        let mut beginning = [0; VERSION.end];
         file.read_exact(&mut beginning)?;
         file.rewind()?;
         Ok(Self {
             file: BufReader::with_capacity(1 << 20, file),
             at: 0,
-            has_count: beginning[24..] == [1, 4],
+            has_count: beginning[VERSION] == [1, 4],
         })
     }
 
     #[inline]
     fn check_depth() -> io::Result<()> {
         let began = STACK.get();
-        if began != 0 && began.abs_diff(stack()) > DEEPEST {
+        if began != 0 && began.abs_diff(stack_address()) > MOST_STACK_BYTES {
             return Err(io::Error::new(
                 io::ErrorKind::InvalidData,
                 "points that refer to themselves",
@@ -95,7 +103,7 @@ impl Read for GuardedFile {
         Ok(read)
     }
 
-    /// Decoders read byte by byte: straight from the buffer.
+    /// Reads straight from the buffer, because decoders read byte by byte.
     #[inline]
     fn read_exact(&mut self, mut buffer: &mut [u8]) -> io::Result<()> {
         if self.at >= EXTENDED_COUNT.end {
@@ -117,7 +125,7 @@ impl Read for GuardedFile {
 impl Seek for GuardedFile {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         self.at = match to {
-            // Within the buffer, if it can be.
+            // Within the buffer if possible.
             SeekFrom::Current(by) => {
                 self.file.seek_relative(by)?;
                 self.at.wrapping_add_signed(by)

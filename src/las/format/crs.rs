@@ -1,42 +1,43 @@
-//! The coordinate reference system, as files say it: WKT text or GeoTIFF keys.
+//! The coordinate reference system as files state it: WKT or GeoTIFF keys.
 //!
-//! LAS 1.4 with formats 6 to 8 wants WKT. Where an input has GeoTIFF keys with
-//! EPSG codes, the text of the code is written; where it has keys that name no
-//! code, the keys are kept as they are.
+//! LAS 1.4 with formats 6 to 8 requires WKT. Where an input has GeoTIFF keys with
+//! EPSG codes, the text of the code is written; where its keys name no code, the keys are
+//! written as they are.
 
 use ::las::Vlr;
 use serde::{Deserialize, Serialize};
+
+use super::{geotiff, wkt};
 
 /// A coordinate reference system.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Crs {
     /// Well-known text.
     Wkt(String),
-    /// GeoTIFF keys, of which these are codes of the EPSG registry.
+    /// GeoTIFF keys, and what they say.
     GeoTiff {
-        /// Horizontal system.
+        /// The EPSG code of the horizontal system, if the keys name one.
         horizontal: Option<u16>,
-        /// Vertical system.
+        /// The EPSG code of the vertical system, if the keys name one.
         vertical: Option<u16>,
         /// The records as found: record number and content.
         records: Vec<(u16, Vec<u8>)>,
-        /// Whether the keys say degrees.
+        /// Whether the coordinates are degrees.
         is_geographic: bool,
     },
 }
 
-const PROJECTION: &str = "LASF_Projection";
+/// The user of all records that state a coordinate reference system.
+const PROJECTION_USER: &str = "LASF_Projection";
+/// The number of the record that has well-known text.
 const WKT_RECORD: u16 = 2112;
-/// Number of the GeoTIFF record that a code below 1024 or above 32766 is no
-/// code: undefined, or user-defined.
-const CODES: std::ops::RangeInclusive<u16> = 1024..=32_766;
 
 impl Crs {
     /// The system that the variable length records of a file state, WKT before
     /// GeoTIFF; `None` if they state none.
     pub(crate) fn from_vlrs<'a>(vlrs: impl Iterator<Item = &'a Vlr> + Clone) -> Option<Self> {
-        let projection = vlrs.filter(|vlr| vlr.user_id == PROJECTION);
-        let wkt = projection
+        let projection = vlrs.filter(|vlr| vlr.user_id == PROJECTION_USER);
+        let text = projection
             .clone()
             .find(|vlr| vlr.record_id == WKT_RECORD)
             .map(|vlr| {
@@ -45,23 +46,30 @@ impl Crs {
                     .to_owned()
             })
             .filter(|text| !text.is_empty());
-        if let Some(text) = wkt {
+        if let Some(text) = text {
             return Some(Self::Wkt(text));
         }
-        let records: Vec<(u16, Vec<u8>)> = projection
-            .filter(|vlr| (34_735..=34_737).contains(&vlr.record_id))
-            .map(|vlr| (vlr.record_id, vlr.data.clone()))
-            .collect();
-        let (_, keys) = records.iter().find(|(id, _)| *id == 34_735)?;
-        let key = |wanted: u16| geo_key(keys, wanted);
-        let code = |wanted: u16| key(wanted).filter(|code| CODES.contains(code));
-        // Model type, geodetic, projected and vertical system.
-        let (model, geodetic, projected, vertical) =
-            (key(1024), code(2048), code(3072), code(4096));
+        Self::from_geotiff(
+            projection
+                .filter(|vlr| geotiff::KEY_RECORDS.contains(&vlr.record_id))
+                .map(|vlr| (vlr.record_id, vlr.data.clone()))
+                .collect(),
+        )
+    }
+
+    /// The system that records of GeoTIFF keys state; `None` if they state none.
+    fn from_geotiff(records: Vec<(u16, Vec<u8>)>) -> Option<Self> {
+        let directory = directory_of(&records)?;
+        let model = geotiff::value_of_key(directory, geotiff::MODEL_TYPE);
+        let code = |key: u16| geotiff::code_of_key(directory, key);
+        let geodetic = code(geotiff::GEODETIC_SYSTEM);
+        let projected = code(geotiff::PROJECTED_SYSTEM);
+        let vertical = code(geotiff::VERTICAL_SYSTEM);
         if model.is_none() && geodetic.is_none() && projected.is_none() {
             return None;
         }
-        let is_geographic = model == Some(2) || projected.is_none() && geodetic.is_some();
+        let is_geographic =
+            model == Some(geotiff::GEOGRAPHIC_MODEL) || projected.is_none() && geodetic.is_some();
         Some(Self::GeoTiff {
             horizontal: projected.or(geodetic.filter(|_| is_geographic)),
             vertical,
@@ -75,64 +83,40 @@ impl Crs {
         crs_definitions::from_code(code).map(|found| Self::Wkt(found.wkt.to_owned()))
     }
 
-    /// Whether coordinates are degrees: a spacing would mean nothing.
+    /// Whether coordinates are degrees, so that no spacing can be given in them.
     pub(crate) fn is_geographic(&self) -> bool {
         match self {
-            Self::Wkt(text) => {
-                let head = text.trim_start().to_ascii_uppercase();
-                let is_degrees = |text: &str| {
-                    ["GEOGCS[", "GEOGCRS[", "GEODCRS[", "GEOGRAPHICCRS["]
-                        .iter()
-                        .any(|root| text.starts_with(root))
-                };
-                let compound = head
-                    .strip_prefix("COMPD_CS[")
-                    .or_else(|| head.strip_prefix("COMPOUNDCRS["));
-                match compound {
-                    // The horizontal part follows the name.
-                    Some(rest) => rest
-                        .split_once(',')
-                        .is_some_and(|(_, horizontal)| is_degrees(horizontal.trim_start())),
-                    None => is_degrees(&head),
-                }
-            }
+            Self::Wkt(text) => wkt::is_geographic(text),
             Self::GeoTiff { is_geographic, .. } => *is_geographic,
         }
     }
 
-    /// Metres to a unit of its horizontal coordinates; `None` if it does not say.
+    /// Metres to a unit of the horizontal coordinates; `None` if the system does not say.
     pub(crate) fn metres_per_unit(&self) -> Option<f64> {
         if let Self::GeoTiff { records, .. } = self
-            && let Some((_, keys)) = records.iter().find(|(id, _)| *id == 34_735)
+            && let Some(metres) = directory_of(records).and_then(geotiff::metres_per_linear_unit)
         {
-            // The linear unit of a projected system.
-            match geo_key(keys, 3076) {
-                Some(9001) => return Some(1.0),
-                Some(9002) => return Some(0.3048),
-                Some(9003) => return Some(1200.0 / 3937.0),
-                _ => {}
-            }
+            return Some(metres);
         }
-        unit_of_text(&self.wkt()?)
+        wkt::metres_per_unit(&self.wkt()?)
     }
 
-    /// Whether both mean the same, as far as their texts or codes tell.
+    /// Whether both are one system, as far as their texts or codes say.
     pub(crate) fn same_as(&self, other: &Self) -> bool {
         match (self.wkt(), other.wkt()) {
             (Some(one), Some(other)) => {
                 let bare = |text: &str| text.split_whitespace().collect::<String>();
                 bare(&one) == bare(&other)
-                    || self.epsg().is_some() && self.epsg() == epsg_of_text(&other)
+                    || self.epsg().is_some() && self.epsg() == wkt::epsg_codes(&other)
             }
             _ => self == other,
         }
     }
 
-    /// Codes of the EPSG registry: horizontal and vertical, where they are
-    /// stated.
+    /// The horizontal and the vertical EPSG code, where they are stated.
     fn epsg(&self) -> Option<(u16, Option<u16>)> {
         match self {
-            Self::Wkt(text) => epsg_of_text(text),
+            Self::Wkt(text) => wkt::epsg_codes(text),
             Self::GeoTiff {
                 horizontal,
                 vertical,
@@ -141,7 +125,7 @@ impl Crs {
         }
     }
 
-    /// A short name for tables: the code, or the name in the text.
+    /// A short name for tables: the EPSG code, or the name in the text.
     pub(crate) fn name(&self) -> String {
         match self {
             Self::Wkt(text) => text.split('"').nth(1).unwrap_or("unnamed").to_owned(),
@@ -153,7 +137,7 @@ impl Crs {
         }
     }
 
-    /// The well-known text: as found, or of the EPSG codes; `None` if the keys
+    /// The well-known text as found, or that of the EPSG codes; `None` if the keys
     /// name no code.
     pub(crate) fn wkt(&self) -> Option<String> {
         let text = |code: u16| crs_definitions::from_code(code).map(|found| found.wkt);
@@ -166,8 +150,8 @@ impl Crs {
             } => {
                 let code = (*horizontal)?;
                 let horizontal = text(code)?;
-                // Vertical systems are not in every table of codes; without
-                // its text the code alone would not be valid.
+                // Vertical systems are not in every table of codes, and a compound system
+                // without the vertical text would not be valid.
                 Some(match vertical.and_then(text) {
                     Some(vertical) => {
                         format!("COMPD_CS[\"EPSG:{code} + height\",{horizontal},{vertical}]")
@@ -181,7 +165,7 @@ impl Crs {
     /// The records to write: WKT where there is any, else the GeoTIFF keys.
     pub(crate) fn vlrs(&self) -> Vec<Vlr> {
         let vlr = |record_id, description: &str, data| Vlr {
-            user_id: PROJECTION.to_owned(),
+            user_id: PROJECTION_USER.to_owned(),
             record_id,
             description: description.to_owned(),
             data,
@@ -201,73 +185,12 @@ impl Crs {
     }
 }
 
-/// Metres to a unit of the projected system in `text`, in WKT 1 or 2: the first unit of
-/// length that is not of the system beneath, nor of a parameter.
-fn unit_of_text(text: &str) -> Option<f64> {
-    let mut names: Vec<String> = Vec::new();
-    let mut word = String::new();
-    let mut is_quoted = false;
-    for (at, c) in text.char_indices() {
-        match c {
-            '"' => is_quoted = !is_quoted,
-            _ if is_quoted => {}
-            '[' | '(' => {
-                let name = std::mem::take(&mut word).to_ascii_uppercase();
-                let is_projected = |name: &String| name == "PROJCS" || name == "PROJCRS";
-                let is_beneath = |name: &String| {
-                    name.contains("GEO") || name == "CONVERSION" || name == "PARAMETER"
-                };
-                if (name == "UNIT" || name == "LENGTHUNIT")
-                    && names.iter().any(is_projected)
-                    && !names.iter().any(is_beneath)
-                {
-                    let rest = text[at..].splitn(3, '"').nth(2)?;
-                    let number = rest.trim_start_matches([',', ' ']);
-                    let end = number.find([',', ']', ')'])?;
-                    return number[..end].trim().parse().ok();
-                }
-                names.push(name);
-            }
-            ']' | ')' => {
-                names.pop();
-                word.clear();
-            }
-            _ if c.is_alphanumeric() => word.push(c),
-            _ => word.clear(),
-        }
-    }
-    None
-}
-
-/// The outermost authority codes of a WKT 1 text.
-fn epsg_of_text(text: &str) -> Option<(u16, Option<u16>)> {
-    let code = |part: &str| -> Option<u16> {
-        let start = part.rfind("AUTHORITY[\"EPSG\",\"")? + "AUTHORITY[\"EPSG\",\"".len();
-        part[start..].split('"').next()?.parse().ok()
-    };
-    let upper = text.trim_start();
-    if upper.starts_with("COMPD_CS[") {
-        let vertical = upper.find("VERT_CS[")?;
-        // The code of the compound system itself may stand last.
-        let end = upper[vertical..]
-            .rfind("],AUTHORITY")
-            .map_or(upper.len(), |e| vertical + e);
-        return Some((code(&upper[..vertical])?, code(&upper[vertical..end])));
-    }
-    code(upper).map(|code| (code, None))
-}
-
-/// The value of a key that is held in the directory itself.
-fn geo_key(directory: &[u8], wanted: u16) -> Option<u16> {
-    let words: Vec<u16> = directory
-        .chunks_exact(2)
-        .map(|pair| u16::from_le_bytes([pair[0], pair[1]]))
-        .collect();
-    words
-        .chunks_exact(4)
-        .skip(1)
-        .find(|entry| entry[0] == wanted && entry[1] == 0)
-        .map(|entry| entry[3])
+/// The directory of GeoTIFF keys among `records`.
+fn directory_of(records: &[(u16, Vec<u8>)]) -> Option<&[u8]> {
+    let mut records = records.iter();
+    records
+        .find(|(id, _)| *id == geotiff::DIRECTORY_RECORD)
+        .map(|(_, keys)| keys.as_slice())
 }
 
 #[cfg(test)]
@@ -280,7 +203,7 @@ mod tests {
             words.extend([key, 0, 1, value]);
         }
         Vlr {
-            user_id: PROJECTION.into(),
+            user_id: PROJECTION_USER.into(),
             record_id: 34_735,
             description: String::new(),
             data: words.iter().flat_map(|w: &u16| w.to_le_bytes()).collect(),

@@ -1,0 +1,259 @@
+//! Chunks: the groups of points that LAZ compresses together.
+//!
+//! ```text
+//!   points    offset of the table (8 bytes), chunk, chunk, …
+//!   chunk     first point as it is, number of points (4 bytes), length of each of
+//!             its layers (4 bytes each), the layers         (point formats 6 to 10)
+//!   table     version (4 bytes), number of chunks (4 bytes), …
+//! ```
+//!
+//! (LASzip's record of the compression: compressor at byte 0, points to a chunk at byte 12,
+//! items of a point from byte 32, each of type, length and version.)
+
+use std::{
+    fs::File,
+    io::{self, BufReader, Read, Seek, SeekFrom},
+};
+
+use ::las::{point::Format, raw};
+
+/// The bit of a point format that says that points are compressed.
+pub(super) const COMPRESSED_BIT: u8 = 0x80;
+/// The bit of a point format that older compressors have set besides.
+const LEGACY_COMPRESSED_BIT: u8 = 0x40;
+/// The bytes in front of the chunks: the offset of the table of chunks.
+const TABLE_OFFSET_BYTES: u64 = 8;
+/// The size of chunks that says that each has its own.
+const VARIABLE_CHUNK_SIZE: u64 = 0xffff_ffff;
+/// The compressor that makes one stream of all points, without chunks.
+const ONE_STREAM: u16 = 1;
+/// The number of layers that points of formats 6 to 10 have in common; colour, near infrared,
+/// wave packets and each extra byte add one.
+const COMMON_LAYERS: usize = 9;
+
+/// Points that are compressed together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::las) struct Chunk {
+    /// The offset of the chunk in the file, in bytes.
+    pub(in crate::las) offset: u64,
+    /// The number of points.
+    pub(in crate::las) points: u64,
+    /// The rectangle in which the points lie, if it is known: least and greatest x and y, in
+    /// world coordinates.
+    pub(in crate::las) rectangle: Option<[[f64; 2]; 2]>,
+}
+
+/// What the record of the compression says.
+struct Compression {
+    compressor: u16,
+    /// Points to a chunk, or [`VARIABLE_CHUNK_SIZE`].
+    chunk_size: u64,
+    /// The sum of the lengths of a point's items, in bytes.
+    point_length: u64,
+}
+
+impl Compression {
+    const COMPRESSOR: usize = 0;
+    const CHUNK_SIZE: usize = 12;
+    const ITEM_COUNT: usize = 32;
+    const ITEMS: usize = 34;
+    const ITEM_BYTES: usize = 6;
+    const ITEM_LENGTH: usize = 2;
+
+    fn read(record: &[u8]) -> Result<Self, String> {
+        let word = |at: usize| match record.get(at..at + 2) {
+            Some(word) => Ok(u16::from_le_bytes([word[0], word[1]])),
+            None => Err(format!(
+                "is damaged: the record of its compression has only {} bytes",
+                record.len()
+            )),
+        };
+        let mut point_length = 0;
+        for item in 0..usize::from(word(Self::ITEM_COUNT)?) {
+            let item = Self::ITEMS + Self::ITEM_BYTES * item;
+            point_length += u64::from(word(item + Self::ITEM_LENGTH)?);
+        }
+        let low = u64::from(word(Self::CHUNK_SIZE)?);
+        let high = u64::from(word(Self::CHUNK_SIZE + 2)?);
+        Ok(Self {
+            compressor: word(Self::COMPRESSOR)?,
+            chunk_size: low | high << 16,
+            point_length,
+        })
+    }
+}
+
+/// The position of the table of chunks, and the number of chunks in it.
+#[derive(Clone, Copy)]
+struct TableClaim {
+    offset: u64,
+    chunks: u32,
+}
+
+/// The points of a compressed file, as its headers claim them.
+struct CompressedPoints {
+    /// The number of points.
+    claimed: u64,
+    /// The offset of the points in the file, and the length of the file, in bytes.
+    start: u64,
+    file_bytes: u64,
+    /// The length of a point in bytes.
+    record_length: u64,
+    chunk_size: u64,
+}
+
+/// Checks what compressed points say of themselves: how long they are, how many chunks
+/// the table has, and the lengths of the layers of every chunk. Returns the chunks, if
+/// they have layers and differ in length.
+///
+/// # Errors
+///
+/// A text that says what is wrong with the file.
+pub(super) fn check_compressed_points(
+    file: &mut BufReader<File>,
+    file_bytes: u64,
+    header: &raw::Header,
+    compression: &[u8],
+) -> Result<Option<Vec<Chunk>>, String> {
+    let compression = Compression::read(compression)?;
+    let record_length = u64::from(header.point_data_record_length);
+    if compression.point_length != record_length || record_length == 0 {
+        return Err(format!(
+            "is damaged: its points are {record_length} bytes long, and compressed as {}",
+            compression.point_length
+        ));
+    }
+    let large = header.large_file.map(|large| large.number_of_point_records);
+    let points = CompressedPoints {
+        claimed: large.unwrap_or_else(|| header.number_of_point_records.into()),
+        start: header.offset_to_point_data.into(),
+        file_bytes,
+        record_length,
+        chunk_size: compression.chunk_size,
+    };
+    if compression.compressor == ONE_STREAM || points.claimed == 0 {
+        return Ok(None);
+    }
+    let table = points.find_table(file).map_err(unreadable)?;
+    if let Some(table) = table {
+        points.check_table(table)?;
+    }
+    let Some(layers) = layer_count(header)? else {
+        return Ok(None);
+    };
+    let end = table.map_or(file_bytes, |table| table.offset);
+    let chunks = points.walk_chunks(file, layers, end)?;
+    Ok((points.chunk_size == VARIABLE_CHUNK_SIZE).then_some(chunks))
+}
+
+fn unreadable(error: io::Error) -> String {
+    format!("is truncated or damaged: its points cannot be read: {error}")
+}
+
+/// The number of layers of every chunk; `None` if points of the format have none.
+fn layer_count(header: &raw::Header) -> Result<Option<usize>, String> {
+    let id = header.point_data_record_format & !COMPRESSED_BIT & !LEGACY_COMPRESSED_BIT;
+    let format = Format::new(id).map_err(|e| format!("unknown point format: {e}"))?;
+    if !format.is_extended {
+        return Ok(None);
+    }
+    let extra_bytes = header.point_data_record_length.saturating_sub(format.len());
+    Ok(Some(
+        COMMON_LAYERS
+            + usize::from(format.has_color)
+            + usize::from(format.has_nir)
+            + usize::from(format.has_waveform)
+            + usize::from(extra_bytes),
+    ))
+}
+
+impl CompressedPoints {
+    /// Finds the table of chunks; `None` if there is no table.
+    fn find_table(&self, file: &mut (impl Read + Seek)) -> io::Result<Option<TableClaim>> {
+        let mut word = [0; TABLE_OFFSET_BYTES as usize];
+        // Writers that cannot go back leave the offset of the table at the end.
+        for from in [SeekFrom::Start(self.start), SeekFrom::End(-8)] {
+            file.seek(from)?;
+            file.read_exact(&mut word)?;
+            if let Ok(offset) = u64::try_from(i64::from_le_bytes(word))
+                && offset > self.start
+            {
+                if offset > self.file_bytes.saturating_sub(8) {
+                    return Err(io::ErrorKind::UnexpectedEof.into());
+                }
+                file.seek(SeekFrom::Start(offset))?;
+                file.read_exact(&mut word)?;
+                let chunks = u32::from_le_bytes([word[4], word[5], word[6], word[7]]);
+                return Ok(Some(TableClaim { offset, chunks }));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Checks that the points can be of as many chunks as the table says.
+    fn check_table(&self, table: TableClaim) -> Result<(), String> {
+        let bytes = table.offset - self.start;
+        let chunks = u64::from(table.chunks);
+        if chunks == 0 || chunks > bytes / self.record_length + 1 {
+            return Err(format!(
+                "is damaged: its table says {chunks} chunks, and its points are {bytes} bytes"
+            ));
+        }
+        let is_fixed = self.chunk_size != VARIABLE_CHUNK_SIZE;
+        if is_fixed && self.claimed > chunks * self.chunk_size {
+            return Err(self.too_few(chunks * self.chunk_size));
+        }
+        Ok(())
+    }
+
+    /// Goes from chunk to chunk up to the byte `end`, and returns them if their sizes differ.
+    fn walk_chunks(
+        &self,
+        file: &mut BufReader<File>,
+        layers: usize,
+        end: u64,
+    ) -> Result<Vec<Chunk>, String> {
+        let (mut offset, mut points) = (self.start + TABLE_OFFSET_BYTES, 0);
+        let mut chunks = Vec::new();
+        let mut sizes = vec![0; 4 * layers];
+        while points < self.claimed && offset < end {
+            let mut count = [0; 4];
+            file.seek(SeekFrom::Start(offset + self.record_length))
+                .and_then(|_| file.read_exact(&mut count))
+                .and_then(|()| file.read_exact(&mut sizes))
+                .map_err(unreadable)?;
+            let layer_bytes: u64 = sizes
+                .chunks_exact(4)
+                .map(|size| u64::from(u32::from_le_bytes([size[0], size[1], size[2], size[3]])))
+                .sum();
+            let next = offset + self.record_length + 4 + sizes.len() as u64 + layer_bytes;
+            if next > end {
+                return Err(format!(
+                    "is damaged: the chunk after point {points} reaches to byte {next}, and its \
+                     points end at {end}"
+                ));
+            }
+            let count = u64::from(u32::from_le_bytes(count));
+            if self.chunk_size == VARIABLE_CHUNK_SIZE {
+                chunks.push(Chunk {
+                    offset,
+                    points: count,
+                    rectangle: None,
+                });
+            }
+            points += count;
+            offset = next;
+        }
+        match points < self.claimed {
+            true => Err(self.too_few(points)),
+            false => Ok(chunks),
+        }
+    }
+
+    fn too_few(&self, most: u64) -> String {
+        format!(
+            "is truncated or damaged: the header says {} points, and its chunks have {most}",
+            self.claimed
+        )
+    }
+}

@@ -1,0 +1,159 @@
+//! What a polygon file (PLY) is made of: encodings, scalars, elements, and the comments by
+//! which our own writer says more than PLY can.
+
+use super::extra_bytes::ExtraAttribute;
+
+/// The beginning of a comment that states the coordinate reference system, as WKT.
+pub(in crate::las) const CRS_COMMENT: &str = "crs ";
+/// The beginning of a comment that describes an extra-bytes attribute: the 192 bytes of its
+/// LAS descriptor in hexadecimal digits.
+pub(in crate::las) const EXTRA_BYTES_COMMENT: &str = "extra bytes ";
+/// The comment that says that GPS times are adjusted standard times.
+pub(in crate::las) const STANDARD_TIME_COMMENT: &str = "gps time is adjusted standard time";
+
+/// The encoding of the elements.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::las) enum Encoding {
+    Text,
+    LittleEndian,
+    BigEndian,
+}
+
+impl Encoding {
+    /// The encoding of this name in the line `format`.
+    pub(in crate::las) fn of_name(name: &str) -> Option<Self> {
+        match name {
+            "ascii" => Some(Self::Text),
+            "binary_little_endian" => Some(Self::LittleEndian),
+            "binary_big_endian" => Some(Self::BigEndian),
+            _ => None,
+        }
+    }
+}
+
+/// The type of a property, with its length in bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::las) enum Scalar {
+    Int(usize),
+    Uint(usize),
+    Float(usize),
+}
+
+impl Scalar {
+    /// The type of this name.
+    pub(in crate::las) fn of_name(name: &str) -> Option<Self> {
+        Some(match name {
+            "char" | "int8" => Self::Int(1),
+            "short" | "int16" => Self::Int(2),
+            "int" | "int32" => Self::Int(4),
+            "uchar" | "uint8" => Self::Uint(1),
+            "ushort" | "uint16" => Self::Uint(2),
+            "uint" | "uint32" => Self::Uint(4),
+            "float" | "float32" => Self::Float(4),
+            "double" | "float64" => Self::Float(8),
+            _ => return None,
+        })
+    }
+
+    /// The length of a value in bytes.
+    pub(in crate::las) fn bytes(self) -> usize {
+        match self {
+            Self::Int(bytes) | Self::Uint(bytes) | Self::Float(bytes) => bytes,
+        }
+    }
+
+    /// The value whose little-endian bytes begin `raw`; zeros follow.
+    pub(in crate::las) fn value(self, raw: [u8; 8]) -> f64 {
+        let word = u64::from_le_bytes(raw);
+        match self {
+            Self::Float(4) => f32::from_bits(word as u32).into(),
+            Self::Float(_) => f64::from_bits(word),
+            Self::Uint(_) => word as f64,
+            Self::Int(bytes) => {
+                let unused = 64 - 8 * bytes as u32;
+                ((word << unused) as i64 >> unused) as f64
+            }
+        }
+    }
+
+    /// Writes `value` to `raw`, little endian; integers are rounded and saturate.
+    pub(super) fn put(self, value: f64, raw: &mut [u8]) {
+        match self {
+            Self::Float(4) => raw.copy_from_slice(&(value as f32).to_le_bytes()),
+            Self::Float(_) => raw.copy_from_slice(&value.to_le_bytes()),
+            Self::Uint(bytes) => {
+                let most = (1_u64 << (8 * bytes)) - 1;
+                let value = (value.round() as u64).min(most);
+                raw.copy_from_slice(&value.to_le_bytes()[..bytes]);
+            }
+            Self::Int(bytes) => {
+                let most = (1_i64 << (8 * bytes - 1)) - 1;
+                let value = (value.round() as i64).clamp(-most - 1, most);
+                raw.copy_from_slice(&value.to_le_bytes()[..bytes]);
+            }
+        }
+    }
+
+    /// The number of the type in descriptors of extra bytes (LAS 1.4, table 25).
+    pub(super) fn data_type(self) -> u8 {
+        match self {
+            Self::Uint(1) => 1,
+            Self::Int(1) => 2,
+            Self::Uint(2) => 3,
+            Self::Int(2) => 4,
+            Self::Uint(_) => 5,
+            Self::Int(_) => 6,
+            Self::Float(4) => 9,
+            Self::Float(_) => 10,
+        }
+    }
+}
+
+/// A property: its name and type.
+pub(in crate::las) type Property = (String, Scalar);
+
+/// An element: `count` times the values of its properties.
+#[derive(Clone, Debug)]
+pub(in crate::las) struct Element {
+    pub(in crate::las) name: String,
+    pub(in crate::las) count: u64,
+    pub(in crate::las) properties: Vec<Property>,
+}
+
+impl Element {
+    /// The length of one of them in a binary file, in bytes.
+    pub(in crate::las) fn bytes(&self) -> u64 {
+        let bytes = self.properties.iter().map(|(_, kind)| kind.bytes() as u64);
+        bytes.sum()
+    }
+
+    /// The indices of the properties x, y and z.
+    pub(in crate::las) fn coordinate_columns(&self) -> Option<[usize; 3]> {
+        let find = |wanted: &str| self.properties.iter().position(|(name, _)| name == wanted);
+        Some([find("x")?, find("y")?, find("z")?])
+    }
+}
+
+/// The hexadecimal digits of the descriptor of `extra`, for a comment.
+pub(in crate::las) fn descriptor_digits(extra: &ExtraAttribute) -> String {
+    let bytes = extra.descriptor.iter();
+    bytes.map(|b| format!("{b:02x}")).collect()
+}
+
+/// The attribute whose descriptor has these hexadecimal digits.
+pub(in crate::las) fn attribute_of_digits(digits: &str) -> Option<ExtraAttribute> {
+    let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
+    let descriptor: Option<Vec<u8>> = digits.trim().as_bytes().chunks(2).map(byte).collect();
+    ExtraAttribute::from_descriptor(&descriptor?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn integers_keep_their_sign() {
+        assert_eq!(Scalar::Int(2).value([0xfe, 0xff, 0, 0, 0, 0, 0, 0]), -2.0);
+        assert_eq!(Scalar::Uint(1).value([0xfe, 0, 0, 0, 0, 0, 0, 0]), 254.0);
+    }
+}

@@ -1,0 +1,135 @@
+//! From records of the run to the properties of vertices: the way back of
+//! [`vertex_layout`](super::vertex_layout).
+//!
+//! All attributes are carried but the returns, which are 1 of 1 for all points of an output.
+
+use std::ops::Range;
+
+use super::{
+    extra_bytes::{ExtraAttribute, SCALAR_DATA_TYPES},
+    record::{
+        CLASSIFICATION, COLOR, FLAGS, GPS_TIME, INTENSITY, NEAR_INFRARED, POINT_SOURCE, SCAN_ANGLE,
+        USER_DATA,
+    },
+    record_format::RecordFormat,
+};
+
+/// The scalar data types 1 to 10 (LAS 1.4, table 25) as PLY has them: a name and a length in
+/// bytes. PLY has no integers of 64 bits: they become reals.
+const PLY_TYPES: [(&str, usize); SCALAR_DATA_TYPES] = [
+    ("uchar", 1),
+    ("char", 1),
+    ("ushort", 2),
+    ("short", 2),
+    ("uint", 4),
+    ("int", 4),
+    ("double", 8),
+    ("double", 8),
+    ("float", 4),
+    ("double", 8),
+];
+/// The indices of the unsigned and of the signed integers of 64 bits in [`PLY_TYPES`].
+const LONG_UNSIGNED: usize = 6;
+const LONG_SIGNED: usize = 7;
+
+/// How bytes of a record become those of a property.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Conversion {
+    Copied,
+    RealOfUnsigned,
+    RealOfSigned,
+}
+
+/// A property of the vertices, and the bytes of the record that it is made of.
+pub(in crate::las) struct VertexProperty {
+    /// The name of the property.
+    pub(in crate::las) name: String,
+    /// The name of its PLY type.
+    pub(in crate::las) kind: &'static str,
+    bytes: Range<usize>,
+    conversion: Conversion,
+}
+
+impl VertexProperty {
+    /// The properties of records of the format `record`, in their order.
+    pub(in crate::las) fn of_format(record: &RecordFormat) -> Vec<Self> {
+        let mut properties = Vec::new();
+        let mut add = |name: &str, kind, bytes| {
+            properties.push(Self {
+                name: name.to_owned(),
+                kind,
+                bytes,
+                conversion: Conversion::Copied,
+            });
+        };
+        if record.has_color() {
+            for (name, bytes) in ["red", "green", "blue"].into_iter().zip(COLOR) {
+                add(name, "ushort", bytes);
+            }
+        }
+        if record.has_near_infrared() {
+            add("nir", "ushort", NEAR_INFRARED);
+        }
+        add("intensity", "ushort", INTENSITY);
+        add("flags", "uchar", FLAGS..FLAGS + 1);
+        add(
+            "classification",
+            "uchar",
+            CLASSIFICATION..CLASSIFICATION + 1,
+        );
+        add("user_data", "uchar", USER_DATA..USER_DATA + 1);
+        add("scan_angle", "short", SCAN_ANGLE);
+        add("point_source_id", "ushort", POINT_SOURCE);
+        add("gps_time", "double", GPS_TIME);
+        let mut offset = record.standard_length();
+        for extra in &record.extra_bytes {
+            properties.extend(Self::of_extra_bytes(extra, offset));
+            offset += extra.length;
+        }
+        properties
+    }
+
+    /// The properties of an extra-bytes attribute at `offset` of the record: one, or several
+    /// with numbers behind their name for pairs, triples, and bytes that nothing describes.
+    fn of_extra_bytes(extra: &ExtraAttribute, offset: usize) -> Vec<Self> {
+        let index = match extra.data_type() {
+            0 => 0,
+            number => usize::from(number - 1) % PLY_TYPES.len(),
+        };
+        let (kind, length) = PLY_TYPES[index];
+        let conversion = match index {
+            LONG_UNSIGNED => Conversion::RealOfUnsigned,
+            LONG_SIGNED => Conversion::RealOfSigned,
+            _ => Conversion::Copied,
+        };
+        let graphic = |c: char| if c.is_ascii_graphic() { c } else { '_' };
+        let mut name: String = extra.name.chars().map(graphic).collect();
+        if name.is_empty() {
+            name = "extra".to_owned();
+        }
+        let count = extra.length / length;
+        (0..count)
+            .map(|number| Self {
+                name: match count {
+                    1 => name.clone(),
+                    _ => format!("{name}_{number}"),
+                },
+                kind,
+                bytes: offset + number * length..offset + (number + 1) * length,
+                conversion,
+            })
+            .collect()
+    }
+
+    /// Appends the value of the property in `record`, little endian.
+    #[inline]
+    pub(in crate::las) fn append(&self, record: &[u8], out: &mut Vec<u8>) {
+        let bytes = &record[self.bytes.clone()];
+        let long = || u64::from_le_bytes(bytes.try_into().expect("long integers have 8 bytes"));
+        match self.conversion {
+            Conversion::Copied => out.extend(bytes),
+            Conversion::RealOfUnsigned => out.extend((long() as f64).to_le_bytes()),
+            Conversion::RealOfSigned => out.extend((long() as i64 as f64).to_le_bytes()),
+        }
+    }
+}

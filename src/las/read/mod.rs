@@ -1,0 +1,26 @@
+//! From input files to records of the run.
+//!
+//! ```text
+//!   arguments ─► survey (headers) ─► parts ─► streams: decode, convert, filter
+//! ```
+
+pub(super) mod arguments;
+mod bounds;
+mod chunk_reader;
+pub(super) mod counts;
+mod decoder;
+#[cfg(feature = "e57")]
+mod e57;
+pub(super) mod guard;
+pub(super) mod input;
+mod las_reader;
+mod las_survey;
+mod parts;
+pub(super) mod ply;
+mod ply_header;
+pub(super) mod point_filter;
+pub(super) mod polygon_filter;
+mod run_format;
+pub(super) mod stream;
+mod survey;
+mod vertex_survey;

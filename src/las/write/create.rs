@@ -1,0 +1,47 @@
+//! The writer for each format.
+
+use std::path::Path;
+
+use super::{
+    cloud::{CloudHeader, Workspace},
+    copc::create_copc,
+    las::create_las,
+    las_header::PointEncoding,
+    output_format::Format,
+    ply::create_ply,
+    tiles::create_tiles,
+    writer::CloudWriter,
+};
+use crate::las::error::LasError;
+
+impl CloudWriter {
+    /// Begins the cloud at `path`, under another name in the same directory. COPC and tiles
+    /// need a `workspace`, in which their points are sorted.
+    ///
+    /// # Errors
+    ///
+    /// If no file can be made there, or it would replace a directory with other files.
+    pub(crate) fn create(
+        path: &Path,
+        format: Format,
+        header: &CloudHeader,
+        workspace: Option<&Workspace>,
+    ) -> Result<Self, LasError> {
+        format.check_replaceable(path)?;
+        let workspace = || {
+            workspace.ok_or_else(|| {
+                LasError::unwritable(
+                    path,
+                    "its points have to be sorted, but not here; write .laz",
+                )
+            })
+        };
+        match format {
+            Format::Las => create_las(path, header, PointEncoding::Las),
+            Format::Laz => create_las(path, header, PointEncoding::Laz),
+            Format::Ply => create_ply(path, header),
+            Format::Copc => create_copc(path, header, workspace()?),
+            Format::Tiles => create_tiles(path, header, workspace()?),
+        }
+    }
+}

@@ -1,0 +1,24 @@
+//! From records of the run to files that are complete under their names or not there at all.
+//!
+//! LAS, LAZ and COPC are version 1.4 with the run's point format; PLY is binary, little
+//! endian, with the attributes that its readers know. LAS, LAZ and PLY are written in the
+//! order of the records; COPC and tiles sort them first, in temporary files.
+
+pub(super) mod cloud;
+mod columns;
+mod copc;
+mod copc_nodes;
+mod create;
+mod las;
+mod las_header;
+mod morton;
+mod octree;
+pub(super) mod output_format;
+mod part_file;
+mod ply;
+mod sink;
+mod squares;
+pub(super) mod store;
+mod tile_names;
+mod tiles;
+pub(super) mod writer;

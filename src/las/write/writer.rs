@@ -1,0 +1,178 @@
+//! A cloud that is being written, whatever its format: complete under its name, or not there
+//! at all.
+
+use std::{
+    fs::File,
+    io::{self, Seek, SeekFrom, Write},
+    path::Path,
+};
+
+use super::{part_file::PartFile, sink::SinkMonitor};
+use crate::las::error::LasError;
+
+/// The body of a cloud: what turns records into the bytes of a format.
+pub(super) trait CloudBody {
+    /// Appends `records`, in the run's format.
+    ///
+    /// # Errors
+    ///
+    /// If they cannot be written.
+    fn write(&mut self, records: &[u8]) -> Result<(), LasError>;
+
+    /// Writes everything that follows the `points` points of the cloud. `progress` gets the
+    /// numbers of points that are sorted meanwhile.
+    ///
+    /// # Errors
+    ///
+    /// If the body cannot be completed.
+    fn complete(
+        self: Box<Self>,
+        points: u64,
+        progress: &dyn Fn(u64),
+    ) -> Result<Completion, LasError>;
+}
+
+/// What is left to do for a body that is complete.
+pub(super) enum Completion {
+    /// The header is overwritten in these places, which were not known before: offsets in
+    /// the file, and bytes.
+    File(Vec<(u64, Vec<u8>)>),
+    /// Nothing: the files in the directory are complete, and have this many bytes together.
+    Directory(u64),
+}
+
+/// A cloud that is being written under a preliminary name; nothing is left of it if it is
+/// dropped.
+pub(crate) struct CloudWriter {
+    // Fields are dropped in this order: the sink stops, so that the body is not completed on
+    // the way out, then the file is closed, then removed.
+    monitor: SinkMonitor,
+    body: Box<dyn CloudBody>,
+    part: PartFile,
+    record_length: usize,
+    points: u64,
+}
+
+impl CloudWriter {
+    /// A writer of records of `record_length` bytes to `part`.
+    ///
+    /// # Errors
+    ///
+    /// If the beginning of the cloud could not be written.
+    pub(super) fn new(
+        part: PartFile,
+        monitor: SinkMonitor,
+        body: Box<dyn CloudBody>,
+        record_length: usize,
+    ) -> Result<Self, LasError> {
+        let writer = Self {
+            monitor,
+            body,
+            part,
+            record_length,
+            points: 0,
+        };
+        check(&writer.monitor, writer.part.path())?;
+        Ok(writer)
+    }
+
+    /// Appends `records`, in the run's format.
+    ///
+    /// # Errors
+    ///
+    /// If they cannot be written.
+    pub(crate) fn write(&mut self, records: &[u8]) -> Result<(), LasError> {
+        self.body.write(records)?;
+        self.points += (records.len() / self.record_length) as u64;
+        check(&self.monitor, self.part.path())
+    }
+
+    /// The number of points written so far.
+    pub(crate) fn points(&self) -> u64 {
+        self.points
+    }
+
+    /// Completes the cloud under its preliminary name. `progress` gets the numbers of points
+    /// that are sorted meanwhile, if the format needs it.
+    ///
+    /// # Errors
+    ///
+    /// If the cloud cannot be completed; nothing is left of it then.
+    pub(crate) fn complete(self, progress: &dyn Fn(u64)) -> Result<CompleteCloud, LasError> {
+        let Self {
+            part,
+            body,
+            monitor,
+            points,
+            ..
+        } = self;
+        let bytes = match body.complete(points, progress)? {
+            Completion::Directory(bytes) => bytes,
+            Completion::File(amendments) => {
+                check(&monitor, part.path())?;
+                amend(part.part(), amendments).map_err(|e| LasError::unwritable(part.path(), e))?
+            }
+        };
+        Ok(CompleteCloud {
+            part,
+            points,
+            bytes,
+        })
+    }
+}
+
+/// Reports the first failure of the sink.
+fn check(monitor: &SinkMonitor, path: &Path) -> Result<(), LasError> {
+    match monitor.take_failure() {
+        Some(error) => Err(LasError::unwritable(
+            path,
+            format!("{error}; nothing is left under that name"),
+        )),
+        None => Ok(()),
+    }
+}
+
+/// Overwrites bytes of the file at `path`, flushes it to the disk and returns its length.
+fn amend(path: &Path, amendments: Vec<(u64, Vec<u8>)>) -> io::Result<u64> {
+    let mut file = File::options().write(true).open(path)?;
+    for (offset, bytes) in amendments {
+        file.seek(SeekFrom::Start(offset))?;
+        file.write_all(&bytes)?;
+    }
+    file.sync_all()?;
+    Ok(file.metadata()?.len())
+}
+
+/// A complete cloud under its preliminary name; removed unless it is delivered.
+#[derive(Debug)]
+pub(crate) struct CompleteCloud {
+    part: PartFile,
+    points: u64,
+    bytes: u64,
+}
+
+impl CompleteCloud {
+    /// The preliminary path of the cloud.
+    pub(crate) fn part(&self) -> &Path {
+        self.part.part()
+    }
+
+    /// The number of points.
+    pub(crate) fn points(&self) -> u64 {
+        self.points
+    }
+
+    /// The length of the file, or of all files of the directory, in bytes.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Gives the cloud its final name.
+    ///
+    /// # Errors
+    ///
+    /// If it cannot be renamed; nothing is left of it then.
+    pub(crate) fn deliver(self) -> Result<(), LasError> {
+        self.part.deliver()
+    }
+}
