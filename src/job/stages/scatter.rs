@@ -18,7 +18,8 @@ use crate::{
         progress::{Progress, Unit},
     },
     las::{LasError, PointCounts, PointStream},
-    tile::{CellGrid, Opener, ScatterOptions, Source, SourceError, Spill, TileError, scatter},
+    tile::{Opener, ScatterOptions, Source, SourceError, Spill, TileError, scatter},
+    tiling::CellGrid,
 };
 
 /// Bytes that are spilled between checkpoints: a scatter that is killed loses as many.

@@ -16,8 +16,7 @@ use crate::{
         resources::{points_for, tile_bytes},
     },
     lloyd::{AREA_PER_SEED, Scan, SolverOptions},
-    tile::{CellKey, Square},
-    tiling::CountedCloud,
+    tiling::{CellKey, CountedCloud, Square},
 };
 
 /// A tile may have this factor more seeds per point than the mean of the cloud.
