@@ -156,7 +156,7 @@ impl Scatter<'_> {
         if single_spill(dir).with_extension("bin").exists() {
             return Err(JobError::Refused(format!(
                 "{}: one process has begun to scatter this job alone; the same command without \
-                 --shard goes on from there",
+                 --shard continues from there",
                 dir.display()
             )));
         }
