@@ -79,7 +79,7 @@ impl JobError {
     }
 
     /// Whether the settings are wrong, and not the data or the machine.
-    pub fn is_usage(&self) -> bool {
+    pub(crate) fn is_usage(&self) -> bool {
         matches!(self, Self::Config(_))
     }
 

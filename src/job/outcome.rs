@@ -47,11 +47,6 @@ impl Outcome {
         }
         self.stitched.all.figures().with_cells_of(&cells.figures())
     }
-
-    /// Facts about inputs and points that are worth a line.
-    pub fn notes(&self) -> &[String] {
-        &self.notes
-    }
 }
 
 /// Size and tiles of a cloud that was written.

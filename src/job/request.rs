@@ -23,8 +23,8 @@ use crate::{
 /// A job that resamples scans larger than memory: LAS, LAZ, COPC or PLY files in, one even cloud out.
 ///
 /// A job begins with inputs and an output, and needs a density: [`spacing`](Self::spacing),
-/// [`count`](Self::count), [`ratio`](Self::ratio), or [`options`](Self::options) for everything that
-/// [`resample`](crate::resample) can be told. Lengths are in the unit of the inputs' CRS. Values are
+/// [`count`](Self::count), [`ratio`](Self::ratio), or [`options`](Self::options) for every option of
+/// [`resample`](crate::resample). Lengths are in the unit of the inputs' CRS. Values are
 /// checked when the job runs.
 ///
 /// ```no_run
@@ -49,10 +49,8 @@ pub struct Job {
     memory: Option<u64>,
     threads: Option<usize>,
     directory: Option<PathBuf>,
-    keeps_directory: bool,
     overwrites: bool,
     restarts: bool,
-    leaves_out_bad_files: bool,
 }
 
 /// The largest number of worker threads.
@@ -72,10 +70,8 @@ impl Job {
             memory: None,
             threads: None,
             directory: None,
-            keeps_directory: false,
             overwrites: false,
             restarts: false,
-            leaves_out_bad_files: false,
         }
     }
 
@@ -122,12 +118,6 @@ impl Job {
         self
     }
 
-    /// Sets whether the job directory is kept after success; by default it is removed.
-    pub fn keep_job_directory(mut self, keeps: bool) -> Self {
-        self.keeps_directory = keeps;
-        self
-    }
-
     /// Sets whether an existing output is replaced; by default it is an error.
     pub fn overwrite(mut self, overwrites: bool) -> Self {
         self.overwrites = overwrites;
@@ -137,12 +127,6 @@ impl Job {
     /// Sets whether the files of an earlier run are removed first; by default the job continues from them.
     pub fn restart(mut self, restarts: bool) -> Self {
         self.restarts = restarts;
-        self
-    }
-
-    /// Sets whether inputs that cannot be read are left out; by default they are an error.
-    pub fn skip_bad_files(mut self, skips: bool) -> Self {
-        self.leaves_out_bad_files = skips;
         self
     }
 
@@ -205,8 +189,8 @@ impl Job {
                 output_tiles: None,
             },
             overwrite: self.overwrites,
-            keep: self.keeps_directory,
-            skip_bad_files: self.leaves_out_bad_files,
+            keep: false,
+            skip_bad_files: false,
             restart: self.restarts,
         })
     }

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     quality::{DistanceSums, DistanceTally, UniformityTally},
-    tile::Tile,
+    tiling::Tile,
 };
 
 /// The figures of one tile. Lengths are CRS units.

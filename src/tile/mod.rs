@@ -31,7 +31,6 @@ mod stitch;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use crate::tiling::{CellGrid, CellKey, Plan, PlanOptions, Square, Tile};
 pub(crate) use block_file::BlockFile;
 pub(crate) use checksummed_file::{read_checksummed, write_checksummed};
 pub use error::TileError;

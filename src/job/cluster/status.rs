@@ -17,7 +17,7 @@ use crate::{
         directory::SolvedTiles,
         stages::scan_groups::{POINTS, ScanGroups},
     },
-    tile::Tile,
+    tiling::Tile,
 };
 
 /// The minutes that a task is given beyond its work: to begin, and to see what others do.

@@ -20,7 +20,8 @@ use crate::{
             plan::JobPlan, scan_groups::open_spill, solve::solve_tiles, tile_solver::TileSolver,
         },
     },
-    tile::{BlockFile, Plan, Tile},
+    tile::BlockFile,
+    tiling::{Plan, Tile},
 };
 
 /// Divides the tiles of `plan` into groups of nearly equal cost, the heaviest group first.

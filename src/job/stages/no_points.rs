@@ -29,7 +29,7 @@ pub(super) fn no_points(survey: &Survey, spill: &Spill) -> JobError {
     };
     let scan = rectangle([min[0], min[1], max[0], max[1]]);
     let requested = [
-        ("--bounds asks for", survey.filter.bounds),
+        ("--bounds requests", survey.filter.bounds),
         (
             "--polygon lies within",
             survey

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::{
-    planned_job::PlannedJob, provenance::provenance, stitch::stitch, views::ResultViews,
-    write::write_tiles,
+    planned_job::PlannedJob, provenance::provenance, stitch::stitch, tile_solver::TileSolver,
+    views::ResultViews, write::write_tiles,
 };
 use crate::{
     job::{
@@ -16,7 +16,7 @@ use crate::{
         tile_figures::TileFigures,
     },
     las::{CloudHeader, CloudWriter, CompleteCloud, Format, Workspace},
-    tile::{SettledTiles, SpillSpace},
+    tile::{SeamTally, SettledTiles, SpillSpace},
     views::{CloudPair, UniformityMap},
 };
 
@@ -33,13 +33,13 @@ pub(crate) fn complete_output(
 ) -> Result<(Outcome, CompleteCloud), JobError> {
     let (job, solver) = (run.job, &planned.solver);
     let plan = &solver.plan.plan;
-    let tile_count = plan.tiles.len() as u64;
     let notes_on_points = planned.notes_on_points();
     notes_on_points
         .iter()
         .for_each(|note| run.progress.note(note));
 
     // Stitch: settle the position of every site.
+    let tile_count = plan.tiles.len() as u64;
     run.progress.begin("stitch", tile_count, 0, Unit::Tiles);
     let scratch = Scratch::choose(
         job.scratch.as_deref(),
@@ -48,10 +48,7 @@ pub(crate) fn complete_output(
         run.progress,
     )?;
     let mut settled = SettledTiles::create(scratch.path())?;
-    let seams = stitch(solver, solved, &mut settled, run.progress)?;
-    run.progress.end();
-    run.clock.end_stage("stitch");
-    run.check_cancelled()?;
+    let seams = settle(run, solver, solved, &mut settled)?;
 
     // Write the records, and measure the distances between the points as written.
     let tiles: Vec<TileFigures> = (plan.tiles.iter())
@@ -70,6 +67,7 @@ pub(crate) fn complete_output(
     let largest = tiles.iter().max_by_key(|tile| tile.sites);
     let largest = largest.map_or(0, |figures| figures.tile.id);
     let views = ResultViews::new(&cloud, map, writer.points(), largest)?;
+    // Reports and scripts know the stage by this name.
     run.clock.end_stage("look");
 
     // Sort the points, if the format asks for it, and complete the file.
@@ -77,12 +75,7 @@ pub(crate) fn complete_output(
 
     // Check conservation: every site is a point of the output.
     let sites: u64 = tiles.iter().map(|tile| tile.sites).sum();
-    let points = complete.points();
-    if points != sites {
-        return Err(JobError::Refused(format!(
-            "{sites} points were solved and {points} written; please report this"
-        )));
-    }
+    check_conservation(sites, complete.points())?;
 
     // Collect what the report says.
     let (stages, samples) = run.clock.stop(&job.dir);
@@ -93,7 +86,7 @@ pub(crate) fn complete_output(
         tiles,
         stitched,
         written: WrittenCloud {
-            points,
+            points: complete.points(),
             bytes: complete.bytes(),
             delta_by_tile,
         },
@@ -102,6 +95,29 @@ pub(crate) fn complete_output(
         notes: notes.collect(),
     };
     Ok((outcome, complete))
+}
+
+/// Settles the position of every site, and reports the end of the stage.
+fn settle(
+    run: &RunContext<'_>,
+    solver: &TileSolver,
+    solved: &SolvedTiles,
+    settled: &mut SettledTiles,
+) -> Result<SeamTally, JobError> {
+    let seams = stitch(solver, solved, settled, run.progress)?;
+    run.progress.end();
+    run.clock.end_stage("stitch");
+    run.check_cancelled()?;
+    Ok(seams)
+}
+
+fn check_conservation(sites: u64, points: u64) -> Result<(), JobError> {
+    match points == sites {
+        true => Ok(()),
+        false => Err(JobError::Refused(format!(
+            "{sites} points were solved and {points} written; please report this"
+        ))),
+    }
 }
 
 /// The scattered input and the settled output, for measurements and views.

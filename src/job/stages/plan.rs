@@ -13,7 +13,7 @@ use crate::{
         resources::mebibytes,
     },
     lloyd::SolverOptions,
-    tile::{Plan, PlanOptions},
+    tiling::{Plan, PlanOptions},
 };
 
 /// What a job will do, and what it will take.

@@ -18,7 +18,8 @@ use crate::{
         progress::{Progress, Unit},
     },
     las::{LasError, PointCounts, PointStream},
-    tile::{CellGrid, Opener, ScatterOptions, Source, SourceError, Spill, TileError, scatter},
+    tile::{Opener, ScatterOptions, Source, SourceError, Spill, TileError, scatter},
+    tiling::CellGrid,
 };
 
 /// Bytes that are spilled between checkpoints: a scatter that is killed loses as many.
@@ -155,7 +156,7 @@ impl Scatter<'_> {
         if single_spill(dir).with_extension("bin").exists() {
             return Err(JobError::Refused(format!(
                 "{}: one process has begun to scatter this job alone; the same command without \
-                 --shard goes on from there",
+                 --shard continues from there",
                 dir.display()
             )));
         }

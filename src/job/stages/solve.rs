@@ -16,7 +16,8 @@ use crate::{
         error::JobError,
         progress::{Progress, Unit},
     },
-    tile::{BlockFile, Tile},
+    tile::BlockFile,
+    tiling::Tile,
 };
 
 /// Solves the tiles of a planned job that are not solved yet, by this process or in the files of

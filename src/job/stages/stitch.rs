@@ -7,7 +7,8 @@ use crate::{
     geometry::Stored,
     job::{directory::SolvedTiles, error::JobError, progress::Progress},
     las::RecordView,
-    tile::{NeighborSites, Plan, SeamTally, SettledTiles, Tile, blend},
+    tile::{NeighborSites, SeamTally, SettledTiles, blend},
+    tiling::{Plan, Tile},
 };
 
 /// The tiles of `plan` other than `tile` whose cores lie within `reach` (stored units) of its core.

@@ -1,8 +1,8 @@
 //! The memory that a tile takes for each counting square, by the counts of points and seeds.
 //!
-//! Points of a square are counted. Its seeds are estimated as the mean of two bounds, since a tile
-//! contains places of both kinds: `n·s` if seeds are proportional to points, and one seed for each
-//! point, but at most as many as there is room for, if the scan is sparse.
+//! The points of a square are counted. Its number of seeds is estimated as the mean of two numbers,
+//! since a tile contains dense and sparse parts of the scan: in dense parts seeds are proportional to
+//! points, in sparse parts each point is a seed as far as the area has room for it.
 
 use std::collections::HashMap;
 
@@ -16,8 +16,7 @@ use crate::{
         resources::{points_for, tile_bytes},
     },
     lloyd::{AREA_PER_SEED, Scan, SolverOptions},
-    tile::{CellKey, Square},
-    tiling::CountedCloud,
+    tiling::{CellKey, CountedCloud, Square},
 };
 
 /// A tile may have this factor more seeds per point than the mean of the cloud.
@@ -73,11 +72,11 @@ fn squares(
     let layers = SEED_MARGIN * points_out as f64 / all_sparse;
     spill
         .squares()
-        .map(|(place, points)| {
-            let resident = thinned.get(&place).map_or(points, |&n| n.min(points));
+        .map(|(index, points)| {
+            let resident = thinned.get(&index).map_or(points, |&n| n.min(points));
             let seeds = 0.5 * (points as f64 * mean + layers * sparse(points as f64));
             Square {
-                index: place,
+                index,
                 points,
                 cost: tile_bytes(resident as f64, seeds).ceil() as u64,
             }
@@ -122,18 +121,18 @@ fn crowded_rectangles(cloud: &ScatteredCloud<'_>, options: &SolverOptions) -> Ve
     let most = Scan::most_on_square(edge, cloud.quantization(), options);
     let mut crowded: Vec<([i64; 2], CellKey)> = Vec::new();
     let mut points_in_cell: HashMap<CellKey, u64> = HashMap::new();
-    for (place, points) in spill.squares() {
-        let cell = grid.cell_of_square(place);
+    for (index, points) in spill.squares() {
+        let cell = grid.cell_of_square(index);
         *points_in_cell.entry(cell).or_default() += points;
         if points as f64 > most {
-            crowded.push((place, cell));
+            crowded.push((index, cell));
         }
     }
     let mut rectangles: Vec<Rect> = crowded
         .into_iter()
         .map(
-            |(place, cell)| match points_in_cell[&cell] > LARGE_CELL_POINTS {
-                true => grid.rect_of_square(place),
+            |(index, cell)| match points_in_cell[&cell] > LARGE_CELL_POINTS {
+                true => grid.rect_of_square(index),
                 false => grid.rect(cell),
             },
         )

@@ -15,8 +15,8 @@ use crate::{
     las::RecordFormat,
     lloyd::{Scan, Site, Solution, SolverOptions, TileRegion, solve_watched, uniformity},
     quality::{DistanceTally, UniformityTally},
-    tile::{SolvedSite, SolvedTile, Spill, Tile},
-    tiling::CountedCloud,
+    tile::{SolvedSite, SolvedTile, Spill},
+    tiling::{CountedCloud, Tile},
 };
 
 /// Width of the band in which neighbouring tiles are compared and blended, in spacings.

@@ -9,7 +9,8 @@ use crate::{
     job::{error::JobError, progress::Progress},
     las::CloudWriter,
     quality::UniformityTally,
-    tile::{SeamTally, Tile},
+    tile::SeamTally,
+    tiling::Tile,
     views::{CloudPair, UniformityMap},
 };
 
