@@ -6,7 +6,7 @@ use crate::sources::{Module, Sources};
 
 /// The modules, the lowest first: each may use those before it.
 const LAYERS: [&str; 17] = [
-    // numbers
+    // Numbers.
     "geometry",
     "quality",
     "lloyd",
@@ -15,16 +15,16 @@ const LAYERS: [&str; 17] = [
     "resample",
     "simulate",
     "picture",
-    // files
+    // Files.
     "las",
     "tile",
-    // application
+    // The application.
     "config",
     "views",
     "job",
     "report",
     "cli",
-    // not modules of their own: the root, and what benches and tests use
+    // The root, and what benches and tests look at.
     "internals",
     "",
 ];
