@@ -1,41 +1,53 @@
 //! Turns laser scans larger than memory into evenly spaced points.
 //!
-//! The story of the data:
+//! Points are moved to even positions on the scanned surfaces: a centroidal Voronoi tessellation on local
+//! quadratic patches (*Accelerated Lloyd's Method for Resampling 3D Point Clouds*). There are two doors:
+//!
+//! * [`resample`] takes points in memory and gives points in memory. It knows no files, terminal or directory.
+//! * [`Job`] takes files of any size and writes one cloud, within a memory budget; it continues after it was
+//!   killed. Scans are cut into tiles with overlap, and tiles agree to the bit, so that the result of a job
+//!   is that of `resample` on the same points.
+//!
+//! ```
+//! # let points: Vec<[f64; 3]> = (0..900).map(|i| [(i % 30) as f64, (i / 30) as f64, 0.0]).collect();
+//! let even = lloydar::resample(&points, &lloydar::Options::with_spacing(3.0))?;
+//! # assert!(!even.points.is_empty());
+//! # Ok::<(), lloydar::ResampleError>(())
+//! ```
+//!
+//! # Features
+//!
+//! All are on by default; without them the crate needs what a numeric library needs.
+//!
+//! * `formats`: LAS, LAZ, COPC and PLY files, and [`Job`].
+//! * `report`: the report of a job as a page.
+//! * `cli`: the program.
+//! * `e57` (off by default): E57 files as inputs.
+//!
+//! # The story of the data
 //!
 //! ```text
 //!   survey ─► scatter ─► plan ─► solve (each tile alone) ─► stitch ─► write ─► report
 //! ```
 //!
-//! A **survey** reads headers only, and puts the run on one scale and offset
-//! ([`geometry::Quantization`]). **Scatter** decodes every file once ([`las`]) and
-//! appends each point to the spill of its cell, a square of a grid of integers
-//! ([`tile`]). Now the true counts are known, and the **plan** cuts the plane
-//! into tiles whose points fit the memory budget together with a *halo* of their
-//! neighbours' points.
+//! A **survey** reads headers only, and puts the run on one scale and offset, its *quantization*. **Scatter**
+//! decodes every file once (`las`) and appends each point to the *spill* of its cell, a square of an integer
+//! grid (`tile`). Now the true counts are known: one spacing for the whole cloud is chosen (`spacing`), and
+//! the **plan** cuts the plane into tiles whose points fit the memory budget together with a *halo* of their
+//! neighbours' points (`tiling`).
 //!
-//! A tile is **solved** alone ([`lloyd`]): seeds are elected from the scan by a
-//! rule that only looks near by, and moved, iteration by iteration, to the
-//! centroids of their Voronoi cells, restricted to quadratic patches fitted to
-//! the scan ([`geometry`]). Every seed has an identity that does not depend on
-//! tiles, and everything is computed from the data in an order given by the
-//! data: where two tiles both see enough, they hold the same bits. So the
-//! **stitch** joins them by identity, each seed once, and there is no seam to be
-//! found. Each point takes all its attributes from the nearest point of the
-//! scan, and is **written** once, to a file that is complete under its name or
-//! not there. The **report** ([`report`]) says how uniform, how faithful and
-//! how seamless the result is ([`quality`]).
+//! A tile is **solved** alone (`lloyd`): seeds are elected from the scan by a rule that looks at a
+//! neighbourhood only, and are moved, iteration by iteration, to the centroids of their Voronoi cells,
+//! restricted to quadratic patches that are fitted to the scan (`geometry`). Every seed has an identity that
+//! does not depend on tiles, and everything is computed from the data in an order given by the data: two
+//! tiles that both see enough have the same bits. So the **stitch** joins them by identity, each seed once,
+//! and there is no seam to be found. Each point takes all its attributes from the nearest point of the scan,
+//! and is **written** once, to a file that is complete under its name or not there. The **report** says how
+//! uniform, how faithful and how seamless the result is (`quality`).
 //!
-//! [`job`] runs the stages within threads and memory, and goes on where an
-//! earlier run stopped; [`config`] says what was asked for; [`simulate`] makes a
-//! street with known surfaces to try everything on, [`picture`] draws what came out.
-//!
-//! Layers, dependencies only downwards:
-//!
-//! ```text
-//!   application   config  job  report  cli
-//!   files         tile  las
-//!   numbers       geometry  lloyd  quality  simulate  picture
-//! ```
+//! `job` runs the stages within threads and memory, and continues where an earlier run stopped; `config` has
+//! the options as written and as meant; `simulate` makes a street with known surfaces to try everything on;
+//! `views` and `picture` draw the result. `ARCHITECTURE.md` has the layers, a glossary and the invariants.
 
 #![cfg_attr(
     not(feature = "formats"),
