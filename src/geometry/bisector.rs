@@ -1,7 +1,7 @@
 //! The planes halfway between a site and its neighbours, and where they meet on a
 //! patch: the corners of its cell.
 
-use super::{Local, Patch, patch::Heights};
+use super::{Local, Patch, heights::Heights};
 
 /// Two planes meet where both are this near, in squared radii …
 const EXACT: f64 = 1e-12;

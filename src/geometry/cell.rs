@@ -2,11 +2,11 @@
 //! any other.
 //!
 //! Accelerated Lloyd's Method for Resampling 3D Point Clouds, section III-C:
-//! the patch's domain is clipped by the bisectors between the site and its
+//! a bounding polygon is clipped by the bisectors between the site and its
 //! neighbours, nearest first, until none can cut any more.
 //!
 //! ```text
-//!        ______              the domain: a dodecagon about the site
+//!        ______              the bounding polygon: a dodecagon
 //!      /   |    \
 //!     |----+-    \           a bisector cuts off what is nearer to its
 //!     |    | x    |          neighbour; its edge remembers which one
@@ -24,53 +24,38 @@
 
 use super::{
     Local, Neighbor, Patch,
-    bisector::{Bisector, lift, meeting},
-    patch::Heights,
+    bisector::{Bisector, lift},
+    bounding::{Reach, bounding_corners},
+    heights::Heights,
 };
 
-/// Sides of the domain before anything is cut off.
-pub const BOUNDING_SIDES: usize = 12;
-
-/// How far a domain reaches from the site towards each of its corners (CRS
-/// units).
-pub(crate) type Reach = [f64; BOUNDING_SIDES];
 /// Every cut adds at most one corner; a cell with more sides is not met before
 /// the neighbours that could make it run out.
 const MAX_CORNERS: usize = 40;
-/// Stands for the domain's rim where a neighbour is asked for.
+/// Stands for the bounding polygon in place of a neighbour.
 const RIM: u32 = u32::MAX;
 
 /// Edges of a cell that are remembered, closed at once and followed; it has six, rarely more
 /// than nine.
 pub(crate) const MOST_EDGES: usize = 10;
 
+/// A corner of a cell, and the edge that begins there.
 #[derive(Clone, Copy, Debug)]
-struct Corner {
-    /// In the patch's frame, from the site.
-    position: Local,
-    /// Who cut the edge from this corner to the next.
-    edge: u32,
+pub(super) struct Corner {
+    /// The position in the patch's frame, seen from the site (CRS units).
+    pub(super) position: Local,
+    /// The neighbour whose bisector the edge from this corner to the next lies on, or [`RIM`].
+    pub(super) edge: u32,
 }
 
 /// The restricted Voronoi cell of a site: a polygon with corners on the patch.
 #[derive(Clone, Debug)]
 pub struct Cell {
-    /// The polygon, and room for what the next cut leaves of it.
-    polygons: [[Corner; MAX_CORNERS]; 2],
-    /// Which of the two is the polygon.
-    current: usize,
-    count: usize,
-}
-
-/// What a Lloyd step and the figures of uniformity need of a cell.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moments {
-    /// Area (CRS units squared).
-    pub area: f64,
-    /// Centroid, not projected: inside the cell's hull, perhaps off the patch.
-    pub centroid: Local,
-    /// ∫ |x − site|² over the cell: its share of the energy (paper, eq. 2).
-    pub energy: f64,
+    /// The polygon, and room for the result of the next cut.
+    pub(super) polygons: [[Corner; MAX_CORNERS]; 2],
+    /// The index of the polygon among the two.
+    pub(super) current: usize,
+    pub(super) count: usize,
 }
 
 impl Default for Cell {
@@ -94,10 +79,10 @@ impl Cell {
         }
     }
 
-    /// Computes the cell of `site` on `patch`, within the domain of `reach`.
+    /// Computes the cell of `site` on `patch`, within the bounding polygon of `reach`.
     ///
-    /// `neighbors` must hold every other site within twice the distance to the
-    /// farthest corner of the lifted domain, and be sorted by distance.
+    /// `neighbors` must contain every other site within twice the distance to the farthest
+    /// corner of the lifted bounding polygon, and be sorted by distance.
     pub fn clip(&mut self, patch: &Patch, site: Local, reach: &Reach, neighbors: &[Neighbor]) {
         let surface = patch.heights_from(site);
         let corners = bounding_corners().into_iter().zip(reach);
@@ -105,10 +90,10 @@ impl Cell {
         self.cut_by_all(patch, site, &surface, neighbors);
     }
 
-    /// The same for a cell that is bounded by neighbours all around, within
-    /// `radius` of the site, and in fewer steps; `false` if it is not.
+    /// Computes the cell of `site` on `patch` in fewer steps, if neighbours bound it all around
+    /// within `radius` of the site (CRS units); `false` if they do not.
     ///
-    /// `neighbors` must hold every other site within twice `radius`, and be sorted
+    /// `neighbors` must contain every other site within twice `radius`, and be sorted
     /// by distance.
     pub fn clip_within(
         &mut self,
@@ -118,121 +103,20 @@ impl Cell {
         neighbors: &[Neighbor],
     ) -> bool {
         let surface = patch.heights_from(site);
-        // A square about the disc has a third of a domain's corners.
+        // A square around the disc has a third of the corners of the bounding polygon.
         let square = [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]].into_iter();
         self.start(square.map(|[u, v]| lift(&surface, radius * u, radius * v)));
         self.cut_by_all(patch, site, &surface, neighbors);
         self.is_closed() && self.farthest_squared() <= radius * radius
     }
 
-    /// The same where the cell is known to have had edges with the neighbours of
-    /// `ring`, counter-clockwise, not long ago: its corners are where the bisectors
-    /// of two that follow each other meet, but for few that came or went. `false` if
-    /// that does not lead to a cell within `radius`. What `ring` held
-    /// is lost.
-    ///
-    /// `neighbors` must hold every other site within twice `radius`.
-    pub fn close(
-        &mut self,
-        patch: &Patch,
-        site: Local,
-        radius: f64,
-        ring: &mut Vec<Neighbor>,
-        neighbors: &[Neighbor],
-    ) -> bool {
-        let surface = patch.heights_from(site);
-        if !self.close_ring(patch, site, &surface, radius, ring) {
-            return false;
-        }
-        // What else can cut off a corner, in an order that does not depend on the caller's.
-        let security = self.security_squared();
-        let is_other = |neighbor: &&Neighbor| {
-            neighbor.distance_squared <= security
-                && neighbor.distance_squared > 0.0
-                && self.neighbors().all(|edge| edge != neighbor.index)
-        };
-        ring.clear();
-        ring.extend(neighbors.iter().filter(is_other));
-        Neighbor::sort(ring);
-        for neighbor in &*ring {
-            self.cut_by(neighbor, &Bisector::new(patch, site, neighbor), &surface);
-        }
-        true
-    }
-
-    /// The polygon between the bisectors of `ring`, less those that have no edge any
-    /// more.
-    fn close_ring(
-        &mut self,
-        patch: &Patch,
-        site: Local,
-        surface: &Heights,
-        radius: f64,
-        ring: &mut Vec<Neighbor>,
-    ) -> bool {
-        if ring.len() > MOST_EDGES {
-            return false;
-        }
-        let mut bisectors = [Bisector::default(); MOST_EDGES];
-        for (bisector, neighbor) in bisectors.iter_mut().zip(&*ring) {
-            *bisector = Bisector::new(patch, site, neighbor);
-        }
-        while ring.len() >= 3 {
-            let count = ring.len();
-            let bisectors = &mut bisectors[..count];
-            if !self.meet_around(bisectors, ring, surface, radius) {
-                return false;
-            }
-            let corners = &self.polygons[0][..count];
-            // Each edge must run counter-clockwise still.
-            let is_behind = |&k: &usize| {
-                let before = if k == 0 { count - 1 } else { k - 1 };
-                let way = corners[k].position - corners[before].position;
-                let towards = bisectors[k].direction;
-                towards.x * way.y - towards.y * way.x <= 0.0
-            };
-            let Some(gone) = (0..count).find(is_behind) else {
-                return true;
-            };
-            ring.remove(gone);
-            bisectors[gone..].rotate_left(1);
-        }
-        false
-    }
-
-    /// Makes a polygon of the places where each of `bisectors` meets the next;
-    /// `false` if one of them does not, or beyond `radius`.
-    fn meet_around(
-        &mut self,
-        bisectors: &[Bisector],
-        ring: &[Neighbor],
-        surface: &Heights,
-        radius: f64,
-    ) -> bool {
-        let count = ring.len();
-        self.current = 0;
-        self.count = count;
-        for k in 0..count {
-            let next = if k + 1 == count { 0 } else { k + 1 };
-            match meeting(&bisectors[k], &bisectors[next], surface, radius) {
-                Some(position) if position.norm_squared() <= radius * radius => {
-                    self.polygons[0][k] = Corner {
-                        position,
-                        edge: ring[next].index,
-                    };
-                }
-                _ => return false,
-            }
-        }
-        true
-    }
-
-    /// Clips the cell on, by `neighbors` that are farther than those that did before, and
-    /// sorted by distance, too.
+    /// Clips the cell further, by `neighbors` that are farther than those that it was clipped
+    /// by, and sorted by distance.
     pub(crate) fn clip_on(&mut self, patch: &Patch, site: Local, neighbors: &[Neighbor]) {
         self.cut_by_all(patch, site, &patch.heights_from(site), neighbors);
     }
 
+    /// Begins with the polygon of `corners`.
     fn start(&mut self, corners: impl Iterator<Item = Local>) {
         self.current = 0;
         self.count = 0;
@@ -245,6 +129,7 @@ impl Cell {
         }
     }
 
+    /// Cuts by `neighbors`, which are sorted by distance, until none can cut any more.
     fn cut_by_all(
         &mut self,
         patch: &Patch,
@@ -266,8 +151,13 @@ impl Cell {
         }
     }
 
-    /// Cuts off what is nearer to `neighbor`; whether anything was.
-    fn cut_by(&mut self, neighbor: &Neighbor, bisector: &Bisector, surface: &Heights) -> bool {
+    /// Cuts off the part that is nearer to `neighbor`; whether there was any.
+    pub(super) fn cut_by(
+        &mut self,
+        neighbor: &Neighbor,
+        bisector: &Bisector,
+        surface: &Heights,
+    ) -> bool {
         let count = self.count;
         let (first, second) = self.polygons.split_at_mut(1);
         let (corners, cut) = if self.current == 0 {
@@ -297,11 +187,11 @@ impl Cell {
                 let way = there.position - here.position;
                 // Over a straight way the patch is a parabola, and so is the
                 // distance from the bisector, with one root between the ends.
-                let bend = surface.bend(way.x, way.y) * bisector.direction.z;
-                let half = 0.5 * (sides[next] - sides[k] - bend);
-                let root = (half * half - bend * sides[k]).max(0.0).sqrt();
+                let quadratic = surface.quadratic_term(way.x, way.y) * bisector.direction.z;
+                let half = 0.5 * (sides[next] - sides[k] - quadratic);
+                let root = (half * half - quadratic * sides[k]).max(0.0).sqrt();
                 let sum = -(half + root.copysign(half));
-                let [one, other] = [sides[k] / sum, sum / bend];
+                let [one, other] = [sides[k] / sum, sum / quadratic];
                 let t = if (0.0..=1.0).contains(&one) {
                     one
                 } else {
@@ -332,8 +222,8 @@ impl Cell {
         &self.polygons[self.current][..self.count]
     }
 
-    /// The sides of the polygon, from corner to corner.
-    fn sides(&self) -> impl Iterator<Item = (Local, Local)> + '_ {
+    /// The sides of the polygon, from corner to corner, seen from the site.
+    pub(super) fn sides(&self) -> impl Iterator<Item = (Local, Local)> + '_ {
         let corners = self.corners();
         corners.iter().enumerate().map(move |(k, corner)| {
             let next = if k + 1 == corners.len() { 0 } else { k + 1 };
@@ -354,33 +244,12 @@ impl Cell {
         4.0 * self.farthest_squared()
     }
 
-    /// A place of the cell, on the patch: even over the cell for `dice` even
-    /// in [0, 1)²; `None` if nothing is left of the cell.
-    pub(crate) fn place(&self, patch: &Patch, site: Local, dice: [f64; 2]) -> Option<Local> {
-        let [u, v, w] = patch.coordinates(site);
-        let foot = Local::new(0.0, 0.0, patch.height(u, v) - w);
-        let twice_area = |a: Local, b: Local| (a - foot).cross(&(b - foot)).norm();
-        let total: f64 = self.sides().map(|(a, b)| twice_area(a, b)).sum();
-        let mut rest = dice[0] * total;
-        for (a, b) in self.sides() {
-            let area = twice_area(a, b);
-            if rest < area {
-                // Evenly over the triangle: the root spreads along the fan.
-                let along = (rest / area).sqrt();
-                let x = foot + (a - foot) * along + (b - a) * (along * dice[1]);
-                return Some(patch.point(u + x.x, v + x.y));
-            }
-            rest -= area;
-        }
-        None
-    }
-
-    /// Whether neighbours bound the cell all around: no edge is the domain's.
+    /// Whether neighbours bound the cell all around: no edge is the bounding polygon's.
     pub(crate) fn is_closed(&self) -> bool {
         self.count >= 3 && self.corners().iter().all(|c| c.edge != RIM)
     }
 
-    /// Number of edges that neighbours made.
+    /// Number of edges that lie on bisectors with neighbours.
     pub(crate) fn neighbor_count(&self) -> usize {
         self.neighbors().count()
     }
@@ -402,8 +271,8 @@ impl Cell {
         edges.map(|edge| (edge != RIM).then_some(edge))
     }
 
-    /// The edges that neighbours made: whose, and from where to where, in the frame of
-    /// the patch, from the site.
+    /// The edges that lie on bisectors: the neighbour, and both ends in the frame of the patch,
+    /// seen from the site.
     pub(super) fn edges(&self) -> impl Iterator<Item = (u32, Local, Local)> + '_ {
         let edges = self.corners().iter().map(|corner| corner.edge);
         edges
@@ -411,98 +280,15 @@ impl Cell {
             .filter(|&(edge, _)| edge != RIM)
             .map(|(edge, (from, to))| (edge, from, to))
     }
-
-    /// Area, centroid and energy of the cell of `site`, as the fan of
-    /// triangles from the site's foot; `None` if nothing is left of it.
-    pub fn moments(&self, patch: &Patch, site: Local) -> Option<Moments> {
-        let foot = lift(&patch.heights_from(site), 0.0, 0.0);
-        let (mut area, mut weighted, mut energy) = (0.0, Local::zeros(), 0.0);
-        for (a, b) in self.sides() {
-            let triangle = 0.5 * (a - foot).cross(&(b - foot)).norm();
-            area += triangle;
-            weighted += (a + b + foot) * (triangle / 3.0);
-            energy += triangle / 6.0
-                * (a.dot(&a)
-                    + b.dot(&b)
-                    + foot.dot(&foot)
-                    + a.dot(&b)
-                    + b.dot(&foot)
-                    + foot.dot(&a));
-        }
-        if !(area > 0.0 && area.is_finite()) {
-            return None;
-        }
-        let c = weighted / area;
-        Some(Moments {
-            area,
-            centroid: site + patch.axes[0] * c.x + patch.axes[1] * c.y + patch.axes[2] * c.z,
-            energy,
-        })
-    }
-}
-
-/// Directions to the corners of a domain, as `[u, v]` in the frame of the patch.
-pub(crate) fn bounding_corners() -> [[f64; 2]; BOUNDING_SIDES] {
-    // cos and sin of multiples of 30°, written out: the same bits on every
-    // machine, whatever its mathematics library.
-    const S: f64 = 0.866_025_403_784_438_6;
-    [
-        [1.0, 0.0],
-        [S, 0.5],
-        [0.5, S],
-        [0.0, 1.0],
-        [-0.5, S],
-        [-S, 0.5],
-        [-1.0, 0.0],
-        [-S, -0.5],
-        [-0.5, -S],
-        [0.0, -1.0],
-        [0.5, -S],
-        [S, -0.5],
-    ]
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
-    use crate::geometry::PatchKind;
-
-    fn flat() -> Patch {
-        let grid: Vec<Local> = (-5..=5)
-            .flat_map(|i| (-5..=5).map(move |j| Local::new(f64::from(i), f64::from(j), 0.0) * 0.3))
-            .collect();
-        Patch::fit(Local::zeros(), &grid, 2.0, PatchKind::Quadratic).unwrap()
-    }
-
-    /// `others` by their distance from `site`, each with its place among them.
-    pub(in crate::geometry) fn sorted(site: Local, others: &[Local]) -> Vec<Neighbor> {
-        let mut neighbors: Vec<Neighbor> = (0..)
-            .zip(others)
-            .map(|(index, &position)| Neighbor {
-                distance_squared: (position - site).norm_squared(),
-                index,
-                position,
-            })
-            .collect();
-        neighbors.sort_by(|a, b| a.distance_squared.total_cmp(&b.distance_squared));
-        neighbors
-    }
-
-    fn hexagonal(rings: i32) -> Vec<Local> {
-        let mut sites = Vec::new();
-        for i in -rings..=rings {
-            for j in -rings..=rings {
-                if (i, j) != (0, 0) {
-                    sites.push(Local::new(
-                        f64::from(i) + 0.5 * f64::from(j),
-                        f64::from(j) * 0.75_f64.sqrt(),
-                        0.0,
-                    ));
-                }
-            }
-        }
-        sites
-    }
+    use crate::geometry::{
+        BOUNDING_SIDES,
+        test_cells::{bent, flat, hexagonal, sorted},
+    };
 
     #[test]
     fn the_cell_of_a_hexagonal_lattice_is_the_regular_hexagon() {
@@ -525,19 +311,7 @@ pub(super) mod tests {
         assert!((moments.energy / (area * area) - hexagon).abs() < 1e-6);
     }
 
-    /// A paraboloid of `curvature` about the z axis.
-    pub(in crate::geometry) fn bent(curvature: f64) -> Patch {
-        let place = |i: i32, j: i32| {
-            let (x, y) = (0.3 * f64::from(i), 0.3 * f64::from(j));
-            Local::new(x, y, 0.5 * curvature * (x * x + y * y))
-        };
-        let grid: Vec<Local> = (-5..=5)
-            .flat_map(|i| (-5..=5).map(move |j| place(i, j)))
-            .collect();
-        Patch::fit(Local::zeros(), &grid, 2.0, PatchKind::Quadratic).unwrap()
-    }
-
-    /// The domain's way is the slow twin of the square's.
+    /// Clipping the bounding polygon is the slow twin of clipping a square.
     #[test]
     fn a_cell_bounded_by_neighbors_is_the_same_from_a_square() {
         for (curvature, tolerance) in [(0.0, 1e-12), (0.1, 1e-3)] {
@@ -546,9 +320,9 @@ pub(super) mod tests {
             for seed in 0..40_u64 {
                 let roll =
                     |k: u64| crate::geometry::spread(100 * seed + k) as f64 / u64::MAX as f64;
-                let moved = |(k, place): (u64, Local)| {
+                let moved = |(k, position): (u64, Local)| {
                     let by = Local::new(roll(2 * k) - 0.5, roll(2 * k + 1) - 0.5, 0.0) * 0.3;
-                    patch.foot_point(place + by)
+                    patch.foot_point(position + by)
                 };
                 let others: Vec<Local> = (0..).zip(hexagonal(3)).map(moved).collect();
                 let site = patch.foot_point(Local::zeros());
@@ -569,53 +343,6 @@ pub(super) mod tests {
         }
     }
 
-    /// Clipping is the slow twin of closing; on a bent patch its corners lie on chords.
-    #[test]
-    fn a_cell_closed_where_it_was_is_the_same_as_a_clipped_one() {
-        for (curvature, tolerance) in [(0.0, 1e-12), (0.1, 1e-2)] {
-            let patch = bent(curvature);
-            let (mut met, mut changed) = (0, 0);
-            for seed in 0..80_u64 {
-                let roll =
-                    |k: u64| crate::geometry::spread(100 * seed + k) as f64 / u64::MAX as f64;
-                let moved = |by: f64, shift: u64| {
-                    let moved = |(k, place): (u64, Local)| {
-                        let [x, y] = [2 * k, 2 * k + 1].map(|k| roll(k + shift) - 0.5);
-                        patch.foot_point(place + Local::new(x, y, 0.0) * by)
-                    };
-                    (0..).zip(hexagonal(3)).map(moved).collect::<Vec<Local>>()
-                };
-                let site = patch.foot_point(Local::zeros());
-                let (mut cell, mut twin) = (Cell::new(), Cell::new());
-                let reach = [1.0; BOUNDING_SIDES];
-                twin.clip(&patch, site, &reach, &sorted(site, &moved(0.6, 0)));
-                let links: Vec<u32> = twin.neighbors().collect();
-                let neighbors = sorted(site, &moved(0.7, 9));
-                twin.clip(&patch, site, &reach, &neighbors);
-                let linked = |&link: &u32| *neighbors.iter().find(|n| n.index == link).unwrap();
-                let mut ring: Vec<Neighbor> = links.iter().map(linked).collect();
-                if !cell.close(&patch, site, 0.8, &mut ring, &neighbors) {
-                    continue;
-                }
-                met += 1;
-                let [own, other] = [&cell, &twin].map(|c| c.moments(&patch, site).unwrap());
-                assert!((own.area - other.area).abs() < tolerance);
-                assert!((own.centroid - other.centroid).norm() < tolerance);
-                let sorted_neighbors = |cell: &Cell| {
-                    let mut neighbors: Vec<u32> = cell.neighbors().collect();
-                    neighbors.sort_unstable();
-                    neighbors
-                };
-                let now = sorted_neighbors(&cell);
-                assert!(curvature > 0.0 || now == sorted_neighbors(&twin));
-                let mut before = links;
-                before.sort_unstable();
-                changed += usize::from(now != before);
-            }
-            assert!(met > 30 && changed > 5, "{met}, {changed}");
-        }
-    }
-
     /// Where a bent patch crosses a bisector is a root, not the chord's share.
     #[test]
     fn corners_on_a_bent_patch_are_as_far_from_the_neighbors_as_from_the_site() {
@@ -631,11 +358,11 @@ pub(super) mod tests {
         );
         let mut met = 0;
         for corner in cell.corners() {
-            let place = site
+            let position = site
                 + patch.axes[0] * corner.position.x
                 + patch.axes[1] * corner.position.y
                 + patch.axes[2] * corner.position.z;
-            let off = (place - site).norm() - (place - other).norm();
+            let off = (position - site).norm() - (position - other).norm();
             assert!(off < 1e-9);
             met += usize::from(off.abs() < 1e-9);
         }
@@ -663,7 +390,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_lonely_site_keeps_its_domain_open() {
+    fn a_lonely_site_keeps_its_bounding_polygon() {
         let (patch, site) = (flat(), Local::zeros());
         let mut cell = Cell::new();
         cell.clip(&patch, site, &[1.0; BOUNDING_SIDES], &[]);
@@ -683,8 +410,7 @@ pub(super) mod tests {
         assert!(cell.moments(&patch, site).unwrap().area > 0.8);
     }
 
-    /// The naive twin: a fine raster of the domain, each pixel given to its
-    /// nearest site.
+    /// The slow twin gives each pixel of a fine raster to its nearest site.
     #[test]
     fn cells_match_a_raster_of_nearest_sites() {
         let patch = flat();

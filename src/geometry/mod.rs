@@ -1,21 +1,34 @@
 //! Coordinates, neighbours, patches and cells: pure and deterministic.
 
 mod bisector;
+mod bounding;
 mod cell;
+mod closing;
 mod coordinates;
 mod hash;
+mod height_equations;
+mod heights;
+mod lanes;
+mod moments;
+mod narrow_frame;
 mod nearest;
 mod neighbors;
 mod occupied;
 mod patch;
+mod patch_fit;
 mod response;
+#[cfg(test)]
+mod test_cells;
 
 pub use bisector::Neighbor;
 
-pub use cell::{BOUNDING_SIDES, Cell, Moments};
-pub(crate) use cell::{MOST_EDGES, Reach, bounding_corners};
+pub use bounding::BOUNDING_SIDES;
+pub(crate) use bounding::{Reach, bounding_corners};
+pub use cell::Cell;
+pub(crate) use cell::MOST_EDGES;
 pub use coordinates::{Local, Quantization, Rect, Stored};
 pub(crate) use hash::{Dice, spread};
+pub use moments::Moments;
 pub(crate) use nearest::NearestPoints;
 pub use neighbors::NeighborGrid;
 pub(crate) use occupied::{CellIndex, OccupiedCells, cell_of};

@@ -87,9 +87,8 @@ impl Response {
 mod tests {
     use super::*;
     use crate::geometry::{
-        BOUNDING_SIDES,
-        cell::tests::{bent, sorted},
-        spread,
+        BOUNDING_SIDES, spread,
+        test_cells::{bent, sorted},
     };
 
     /// The cell of the first of `sites` among the others, and its moments.

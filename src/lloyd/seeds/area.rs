@@ -96,7 +96,7 @@ fn seeds_of_cell(
     // Step 3: on the patch from the start.
     (0..owed as u64 + u64::from(extra))
         .filter_map(|_| {
-            let position = cell.place(&fit.patch, site, [dice.roll(), dice.roll()])?;
+            let position = cell.random_point(&fit.patch, site, [dice.roll(), dice.roll()])?;
             let near = surface.scan.has_point_within(position, options.spacing);
             Some((surface.quantization().stored(position)?, position)).filter(|_| near)
         })

@@ -38,7 +38,7 @@ const NEARLY_FLAT_IN_SPACINGS: f64 = 0.1;
 
 /// Whether the patch leaves the longest edge of a cell by little.
 pub(super) fn is_nearly_flat(patch: &Patch, spacing: f64) -> bool {
-    patch.most_bend(NEAR_IN_SPACINGS * spacing) <= NEARLY_FLAT_IN_SPACINGS * spacing
+    patch.max_quadratic_term(NEAR_IN_SPACINGS * spacing) <= NEARLY_FLAT_IN_SPACINGS * spacing
 }
 
 /// Bound on the search for neighbours that could cut a cell: the corners of a bounding polygon

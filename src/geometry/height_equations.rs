@@ -1,0 +1,151 @@
+//! The normal equations of the least squares for heights of degree 2.
+//!
+//! Their entries are the moments Σ w uⁱ vʲ with i + j ≤ 4, and their right sides Σ w height
+//! times 1, u, v, ½ u², u v, ½ v².
+
+use super::{
+    Local,
+    lanes::{LANES, Lanes, added, weight},
+};
+
+/// Number of sums: fifteen moments and six right sides.
+const MOMENTS: usize = 21;
+
+/// The unknowns by the terms 1, u, v, ½u², uv, ½v², each as (factor, power of u, power of v).
+const TERMS: [(f64, usize, usize); 6] = [
+    (1.0, 0, 0),
+    (1.0, 1, 0),
+    (1.0, 0, 1),
+    (0.5, 2, 0),
+    (1.0, 1, 1),
+    (0.5, 0, 2),
+];
+
+/// The normal equations for the coefficients h, p, q, a, b, c.
+pub(super) struct HeightEquations {
+    matrix: [[f64; 6]; 6],
+    right: [f64; 6],
+}
+
+impl HeightEquations {
+    /// The equations for the heights of the neighbours `near` over a plane with the frame
+    /// `axes`; `foot` is the height of the plane over the seed.
+    pub(super) fn new(near: Lanes<'_>, axes: [Local; 3], foot: f64) -> Self {
+        let [
+            m00,
+            m10,
+            m01,
+            m20,
+            m11,
+            m02,
+            m30,
+            m21,
+            m12,
+            m03,
+            m40,
+            m31,
+            m22,
+            m13,
+            m04,
+            right @ ..,
+        ] = moments(near, axes, foot);
+        // Row d, column j: the moment of u to the power d − j and v to the power j.
+        let degree = [
+            [m00, 0.0, 0.0, 0.0, 0.0],
+            [m10, m01, 0.0, 0.0, 0.0],
+            [m20, m11, m02, 0.0, 0.0],
+            [m30, m21, m12, m03, 0.0],
+            [m40, m31, m22, m13, m04],
+        ];
+        let matrix =
+            TERMS.map(|(f, i, j)| TERMS.map(|(g, k, l)| f * g * degree[i + j + k + l][j + l]));
+        Self { matrix, right }
+    }
+
+    /// The coefficients, and how much of the weighted sum of squared heights they explain;
+    /// `None` if the neighbours do not determine them.
+    pub(super) fn solve(&self) -> Option<([f64; 6], f64)> {
+        let solved = solve_cholesky(self.matrix, self.right)?;
+        let products = solved.iter().zip(&self.right).map(|(x, b)| x * b);
+        Some((solved, products.sum::<f64>()))
+    }
+}
+
+/// The moments and right sides: one loop over the neighbours.
+fn moments(near: Lanes<'_>, axes: [Local; 3], foot: f64) -> [f64; MOMENTS] {
+    let mut sums = [[0.0; LANES]; MOMENTS];
+    for [x, y, z] in near {
+        for k in 0..LANES {
+            let (x, y, z) = (x[k], y[k], z[k]);
+            let w = weight(x, y, z);
+            let [u, v, height] = axes.map(|axis| axis.x * x + axis.y * y + axis.z * z);
+            let height = height - foot;
+            let (wu, wv) = (w * u, w * v);
+            let (wuu, wuv, wvv) = (wu * u, wu * v, wv * v);
+            let (uu, uv, vv) = (u * u, u * v, v * v);
+            let terms = [
+                w,
+                wu,
+                wv,
+                wuu,
+                wuv,
+                wvv,
+                wuu * u,
+                wuu * v,
+                wvv * u,
+                wvv * v,
+                wuu * uu,
+                wuu * uv,
+                wuu * vv,
+                wuv * vv,
+                wvv * vv,
+                w * height,
+                wu * height,
+                wv * height,
+                0.5 * wuu * height,
+                wuv * height,
+                0.5 * wvv * height,
+            ];
+            for (sum, term) in sums.iter_mut().zip(terms) {
+                sum[k] += term;
+            }
+        }
+    }
+    sums.map(added)
+}
+
+/// Solves a symmetric positive definite system given by its lower triangle; `None` when
+/// a pivot vanishes beside the diagonal it came from.
+fn solve_cholesky(mut m: [[f64; 6]; 6], mut x: [f64; 6]) -> Option<[f64; 6]> {
+    for i in 0..6 {
+        let diagonal = m[i][i];
+        for j in 0..=i {
+            let mut sum = m[i][j];
+            for k in 0..j {
+                sum -= m[i][k] * m[j][k];
+            }
+            if i == j {
+                // This comparison refuses NaN.
+                if !(sum > 1e-7 * diagonal && sum.is_finite()) {
+                    return None;
+                }
+                m[i][i] = sum.sqrt();
+            } else {
+                m[i][j] = sum / m[j][j];
+            }
+        }
+    }
+    for i in 0..6 {
+        for k in 0..i {
+            x[i] -= m[i][k] * x[k];
+        }
+        x[i] /= m[i][i];
+    }
+    for i in (0..6).rev() {
+        for k in i + 1..6 {
+            x[i] -= m[k][i] * x[k];
+        }
+        x[i] /= m[i][i];
+    }
+    Some(x)
+}

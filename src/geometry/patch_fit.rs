@@ -1,0 +1,148 @@
+//! The fit of a patch: the best fitting plane, and over it heights by least squares (paper,
+//! section III-B).
+
+use nalgebra::Matrix3;
+
+use super::{
+    Local,
+    height_equations::HeightEquations,
+    heights::Heights,
+    lanes::{LANES, Lanes, added, weight},
+    narrow_frame::narrow_frame,
+    patch::{Patch, PatchKind},
+};
+
+/// A fit to fewer neighbours is a plane: six coefficients would follow the noise.
+const MIN_QUADRATIC_SUPPORT: u32 = 9;
+/// A larger residual than this share of the radius is no noise of samples that are means: there
+/// is no smooth surface (an edge, leaves).
+const LARGEST_NOISE_IN_RADII: f64 = 0.025;
+/// Fewer neighbours determine no plane.
+const MIN_SUPPORT: u32 = 4;
+
+impl Patch {
+    /// Fits a patch to the `neighbors` that lie within `radius` of `seed`.
+    ///
+    /// `radius` (CRS units) is the only scale of the fit. On a smooth surface
+    /// without noise the height is within O(`radius`³) and the slopes within
+    /// O(`radius`²); noise asks for a larger radius, detail for a smaller one.
+    ///
+    /// `None` with fewer than four neighbours, or if they lie on one line.
+    pub fn fit(seed: Local, neighbors: &[Local], radius: f64, kind: PatchKind) -> Option<Self> {
+        // Unknowns are scaled by `radius` throughout, so that everything has like
+        // magnitude, and the pivot test below has no unit.
+        let near = Lanes::new(seed, neighbors, radius);
+
+        // The best fitting plane: weighted mean and covariance.
+        let mut sums = [[0.0; LANES]; 12];
+        for [x, y, z] in near.clone() {
+            for k in 0..LANES {
+                let (x, y, z) = (x[k], y[k], z[k]);
+                let w = weight(x, y, z);
+                let (wx, wy, wz) = (w * x, w * y, w * z);
+                let is_near = f64::from(u8::from(w > 0.0));
+                let terms = [
+                    w,
+                    w * w,
+                    is_near,
+                    wx,
+                    wy,
+                    wz,
+                    wx * x,
+                    wx * y,
+                    wx * z,
+                    wy * y,
+                    wy * z,
+                    wz * z,
+                ];
+                for (sum, term) in sums.iter_mut().zip(terms) {
+                    sum[k] += term;
+                }
+            }
+        }
+        let [
+            total,
+            total_squares,
+            support,
+            x,
+            y,
+            z,
+            xx,
+            xy,
+            xz,
+            yy,
+            yz,
+            zz,
+        ] = sums.map(added);
+        let support = support as u32;
+        if support < MIN_SUPPORT {
+            return None;
+        }
+        let mean = Local::new(x, y, z) / total;
+        let covariance =
+            Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) - mean * mean.transpose() * total;
+        let (spread, [u, v, n]) = narrow_frame(covariance)?;
+        if spread[1].is_nan() || spread[1] <= 1e-9 * spread[0] {
+            return None;
+        }
+        let foot = n.dot(&mean);
+        // The frame stands at the seed's foot on the best fitting plane.
+        let origin = seed + n * (foot * radius);
+        let mut patch = Self {
+            origin,
+            axes: [u, v, n],
+            heights: Heights::default(),
+            // The residual of the plane.
+            residual: (spread[2] / total).sqrt() * radius,
+            roundness: (spread[1] / spread[0]).sqrt(),
+            support,
+        };
+        if kind == PatchKind::Quadratic && support >= MIN_QUADRATIC_SUPPORT {
+            let free = total * total / total_squares - 6.0;
+            patch.fit_heights(near, foot, total, free.max(1.0), radius);
+        }
+        Some(patch)
+    }
+
+    /// Fits the six coefficients by least squares; keeps the plane where the neighbours do not
+    /// determine them. `foot` is the height of the plane over the seed, `total` the weight of
+    /// the neighbours, `free` their effective number beyond the coefficients.
+    fn fit_heights(&mut self, near: Lanes<'_>, foot: f64, total: f64, free: f64, radius: f64) {
+        let equations = HeightEquations::new(near, self.axes, foot);
+        if let Some(([h, p, q, a, b, c], products)) = equations.solve() {
+            self.heights = Heights {
+                h: h * radius,
+                p,
+                q,
+                a: a / radius,
+                b: b / radius,
+                c: c / radius,
+            };
+            // The share of the mean squared height over the plane that the coefficients explain.
+            let explained = products / total * radius * radius;
+            self.shrink(explained, free, radius);
+        }
+    }
+
+    /// Shrinks the patch towards the plane by the share of its curvature that noise would
+    /// explain, after James and Stein. `explained` is the part of the plane's squared residual
+    /// that the coefficients explain (CRS units squared), `free` the effective number of
+    /// neighbours beyond the coefficients.
+    fn shrink(&mut self, explained: f64, free: f64, radius: f64) {
+        let left = (self.residual.powi(2) - explained).max(0.0);
+        let noise = left.min((LARGEST_NOISE_IN_RADII * radius).powi(2));
+        // The patch has three coefficients more than the plane.
+        let by_chance = 3.0 * noise / free;
+        let share = if explained > by_chance {
+            1.0 - by_chance / explained
+        } else {
+            0.0
+        };
+        let Heights { h, p, q, a, b, c } = &mut self.heights;
+        for coefficient in [h, p, q, a, b, c] {
+            *coefficient *= share;
+        }
+        let left_out = (1.0 - share).powi(2) * explained.max(0.0);
+        self.residual = (left + left_out).sqrt();
+    }
+}
