@@ -3,19 +3,19 @@
 
 use super::{Local, Patch, heights::Heights};
 
-/// Two planes meet where both are this near, in squared radii …
-const EXACT: f64 = 1e-12;
-/// … which is found in so many steps, or not at all.
-const MOST_STEPS: usize = 6;
+/// Two planes meet where the position is this near to both, in squared radii of the cell.
+const MEETING_TOLERANCE: f64 = 1e-12;
+/// Largest number of Newton steps to where two planes meet.
+const MAX_STEPS: usize = 6;
 
-/// A neighbour of the site: its place in the caller's list, and where it is.
+/// A neighbour of a site.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Neighbor {
     /// Squared distance from the site.
     pub distance_squared: f64,
-    /// The caller's name for it.
+    /// The index by which the caller knows the neighbour.
     pub index: u32,
-    /// Where it is.
+    /// The position of the neighbour (local coordinates).
     pub position: Local,
 }
 
@@ -29,7 +29,8 @@ impl Neighbor {
         }
     }
 
-    /// Nearest first, equally near ones in the order of their names.
+    /// Sorts by distance, nearest first; equally near neighbours are in the order of their
+    /// indices.
     pub(crate) fn sort(neighbors: &mut [Self]) {
         neighbors.sort_unstable_by(|a, b| {
             a.distance_squared
@@ -42,9 +43,9 @@ impl Neighbor {
 /// The plane halfway to a neighbour.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Bisector {
-    /// To the neighbour, in the patch's frame.
+    /// The way to the neighbour in the patch's frame (CRS units).
     pub(super) direction: Local,
-    /// Half the squared distance.
+    /// Half the squared distance to the neighbour.
     half: f64,
 }
 
@@ -57,12 +58,13 @@ impl Bisector {
         }
     }
 
-    /// Positive beyond the plane, for a `place` in the patch's frame, from the site.
-    pub(super) fn beyond(&self, place: Local) -> f64 {
-        place.dot(&self.direction) - self.half
+    /// A measure that is positive beyond the plane, for a `position` in the patch's frame, seen
+    /// from the site.
+    pub(super) fn beyond(&self, position: Local) -> f64 {
+        position.dot(&self.direction) - self.half
     }
 
-    /// How [`beyond`](Self::beyond) grows along `u` and `v` on a surface of such
+    /// The derivatives of [`beyond`](Self::beyond) along `u` and `v` on a surface of the given
     /// slopes.
     fn slopes_on(&self, [p, q]: [f64; 2]) -> [f64; 2] {
         [
@@ -72,27 +74,27 @@ impl Bisector {
     }
 }
 
-/// Where two planes meet on the surface, by Newton's steps from the site's foot;
-/// `None` if that is not found. `radius` (CRS units) is the size of a cell.
+/// The position on the surface where two planes meet, by Newton's steps from the site's foot;
+/// `None` if they do not converge. `radius` (CRS units) is the size of a cell.
 pub(super) fn meeting(
     one: &Bisector,
     other: &Bisector,
     surface: &Heights,
     radius: f64,
 ) -> Option<Local> {
-    let tolerance = EXACT * radius * radius;
-    let mut place = lift(surface, 0.0, 0.0);
-    for _ in 0..MOST_STEPS {
-        let beyond = [one.beyond(place), other.beyond(place)];
+    let tolerance = MEETING_TOLERANCE * radius * radius;
+    let mut position = lift(surface, 0.0, 0.0);
+    for _ in 0..MAX_STEPS {
+        let beyond = [one.beyond(position), other.beyond(position)];
         if beyond[0].abs().max(beyond[1].abs()) <= tolerance {
-            return Some(place);
+            return Some(position);
         }
-        let slopes = surface.slopes(place.x, place.y);
+        let slopes = surface.slopes(position.x, position.y);
         let ([a, b], [c, d]) = (one.slopes_on(slopes), other.slopes_on(slopes));
         let inverse = 1.0 / (a * d - b * c);
         let u = (beyond[0] * d - beyond[1] * b) * inverse;
         let v = (beyond[1] * a - beyond[0] * c) * inverse;
-        place = lift(surface, place.x - u, place.y - v);
+        position = lift(surface, position.x - u, position.y - v);
     }
     None
 }

@@ -8,8 +8,8 @@
 //!
 //! Ownership (which cell, which tile) is decided on stored coordinates, in
 //! integers, so that it is exact. Kernels see local coordinates only: at a
-//! northing of 5 000 000 a rounding step of the world's would be felt. Because
-//! the lattice belongs to the run and not to the tile, a point has the same
+//! northing of 5 000 000 a rounding step of world coordinates would be noticeable. Because
+//! the quantization belongs to the run and not to the tile, a point has the same
 //! local coordinates, bit for bit, in every tile that sees it.
 
 use serde::{Deserialize, Serialize};
@@ -22,15 +22,15 @@ pub type Local = nalgebra::Vector3<f64>;
 /// Ordered by `x`, then `y`, then `z`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Stored {
-    /// Eastwards.
+    /// The coordinate eastwards (stored units).
     pub x: i32,
-    /// Northwards.
+    /// The coordinate northwards (stored units).
     pub y: i32,
-    /// Upwards.
+    /// The coordinate upwards (stored units).
     pub z: i32,
 }
 
-/// Steps of the quantization to a spacing at the least.
+/// Least number of steps of the quantization to a spacing.
 const MIN_STEPS_PER_SPACING: f64 = 50.0;
 
 /// The run's one scale and offset: world = offset + scale × stored.
@@ -52,7 +52,7 @@ impl Quantization {
         [self.offset[0] + x, self.offset[1] + y, self.offset[2] + z]
     }
 
-    /// A lattice for what lies between `min` and `max`, at `scale` or, where
+    /// A quantization for coordinates between `min` and `max`, at `scale` or, where
     /// that is too fine for the extent, ten times coarser until it is not. The
     /// offset is near the middle, on the grid of the scale.
     pub fn around(min: [f64; 3], max: [f64; 3], mut scale: f64) -> Self {
@@ -65,13 +65,13 @@ impl Quantization {
             let middle = 0.5 * (min[axis] + max[axis]);
             (middle / step).round() * step
         });
-        // So that a decimal scale is written as the decimal it is.
+        // Rounding to a decimal number: a decimal scale is then written as such.
         let scale = format!("{scale:.12e}").parse().unwrap_or(scale);
         Self { scale, offset }
     }
 
-    /// A quantization for what lies between `min` and `max`, at `scale` or, where that leaves a `spacing`
-    /// fewer than 50 steps, ten times finer until it does not: rounding is not to be felt.
+    /// A quantization for coordinates between `min` and `max`, at `scale` or, where that leaves a `spacing`
+    /// fewer than 50 steps, ten times finer until it does not: rounding must not be noticeable.
     pub(crate) fn for_spacing(
         min: [f64; 3],
         max: [f64; 3],
@@ -92,7 +92,7 @@ impl Quantization {
         [0, 1, 2].map(|axis| self.offset[axis] + local[axis])
     }
 
-    /// The widest extent, in stored units, that is given a lattice: nearly the
+    /// The widest extent, in stored units, that is given a quantization: nearly the
     /// range of an `i32`, on both sides of the middle.
     pub(crate) const WIDEST: f64 = 0.45 * 4_294_967_296.0;
 

@@ -1,8 +1,9 @@
-//! Coordinates, neighbours, patches and cells: pure and deterministic.
+//! Coordinates, neighbours, patches and cells: pure functions, deterministic to the bit.
 
 mod bisector;
 mod bounding;
 mod cell;
+mod cell_index;
 mod closing;
 mod coordinates;
 mod hash;
@@ -14,11 +15,13 @@ mod narrow_frame;
 mod nearest;
 mod neighbors;
 mod occupied;
+mod packing;
 mod patch;
 mod patch_fit;
 mod response;
 #[cfg(test)]
 mod test_cells;
+mod word_sorting;
 
 pub use bisector::Neighbor;
 
@@ -26,12 +29,13 @@ pub use bounding::BOUNDING_SIDES;
 pub(crate) use bounding::{Reach, bounding_corners};
 pub use cell::Cell;
 pub(crate) use cell::MOST_EDGES;
+pub(crate) use cell_index::{CellIndex, cell_of};
 pub use coordinates::{Local, Quantization, Rect, Stored};
 pub(crate) use hash::{Dice, spread};
 pub use moments::Moments;
 pub(crate) use nearest::NearestPoints;
 pub use neighbors::NeighborGrid;
-pub(crate) use occupied::{CellIndex, OccupiedCells, cell_of};
+pub(crate) use occupied::OccupiedCells;
 pub use patch::{Patch, PatchKind};
 pub(crate) use response::Response;
 

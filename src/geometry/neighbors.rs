@@ -1,10 +1,10 @@
-//! Points in the cells of a cubic lattice, to find those near a place.
+//! Points in the cells of a cubic grid, to find those near a position.
 //!
 //! A uniform grid serves better than a tree here: the query radius is tied to
 //! the spacing, and scans are full of coincident and coplanar points, which
 //! cost a k-d tree its balance.
 //!
-//! The cells belong to a lattice anchored at the local origin, and they are
+//! The grid is anchored at the local origin, and its cells are
 //! visited in a fixed order (that of their bricks; within a cell in the order
 //! the points were given). So a sum over neighbours adds in an order that depends
 //! on the data alone, and gives the same bits in every tile that sees it.
@@ -15,14 +15,14 @@ use rayon::prelude::*;
 
 use super::{Local, OccupiedCells, cell_of};
 
-/// Points by the cell of a cubic lattice.
+/// Points by the cell of a cubic grid.
 #[derive(Debug, Clone)]
 pub struct NeighborGrid {
     edge: f64,
     cells: OccupiedCells,
     /// Points, sorted by cell.
     points: Vec<Local>,
-    /// For each entry of `points` its place in the input.
+    /// For each entry of `points` its index in the input.
     order: Vec<u32>,
 }
 
@@ -48,15 +48,15 @@ impl NeighborGrid {
         &self.points
     }
 
-    /// Calls `visit` with the place in the input and the coordinates of every
+    /// Calls `visit` with the index in the input and the coordinates of every
     /// point.
     pub(crate) fn visit_all(&self, mut visit: impl FnMut(u32, Local)) {
-        for (&place, &point) in self.order.iter().zip(&self.points) {
-            visit(place, point);
+        for (&index, &point) in self.order.iter().zip(&self.points) {
+            visit(index, point);
         }
     }
 
-    /// Calls `visit` with the place in the input and the coordinates of every
+    /// Calls `visit` with the index in the input and the coordinates of every
     /// point of the cells that a ball touches: all points within `radius` of
     /// `center`, and some beyond.
     pub fn visit_around(&self, center: Local, radius: f64, visit: impl FnMut(u32, Local)) {
@@ -74,11 +74,12 @@ impl NeighborGrid {
         });
     }
 
-    /// The same for the cells that the box from `low` to `high` touches.
+    /// Calls `visit` with the index in the input and the coordinates of every point of the cells
+    /// that the box from `low` to `high` touches.
     pub(crate) fn visit_box(&self, low: Local, high: Local, mut visit: impl FnMut(u32, Local)) {
         let visit_all = |cell: usize| {
-            for place in self.cells.points_of(cell) {
-                visit(self.order[place], self.points[place]);
+            for index in self.cells.points_of(cell) {
+                visit(self.order[index], self.points[index]);
             }
             ControlFlow::<()>::Continue(())
         };
@@ -106,8 +107,8 @@ impl NeighborGrid {
         search.is_break()
     }
 
-    /// Squared distance from `center` to the nearest point but those for which
-    /// `skip` holds, if one lies within `radius`, with its place in the input.
+    /// Squared distance from `center` to the nearest point other than those for which
+    /// `skip` is true, if one lies within `radius`, with its index in the input.
     /// Of equally near points the first visited wins.
     pub fn nearest(
         &self,
@@ -134,7 +135,7 @@ impl NeighborGrid {
                     return Some((index, squared));
                 }
                 // Found in a corner of the cells: nothing lies nearer than the
-                // ball through it holds.
+                // ball through it contains.
                 Some((_, squared)) => return search(squared.sqrt(), squared),
                 None if reach >= radius => return None,
                 None => reach = (2.0 * reach).min(radius),

@@ -1,4 +1,4 @@
-//! How the centroid of a cell answers to small moves of the sites: to first order.
+//! The response of the centroid of a cell to small moves of the sites, to first order.
 //!
 //! Where an edge of a planar cell lies, the bisector moves outwards by
 //!
@@ -6,8 +6,8 @@
 //!   [ y · dx + (n − y) · dn ] / |n|
 //! ```
 //!
-//! at its place y, as the site goes by dx and the neighbour at n by dn (all from the
-//! site). What it sweeps over draws the centroid C its way: dC = ∫ (y − C) v(y) dy / A
+//! at the position y of the edge, as the site moves by dx and the neighbour at n by dn (all seen
+//! from the site). The area that it sweeps over moves the centroid C by dC = ∫ (y − C) v(y) dy / A
 //! over the edges. The integrand is of degree two, so edge by edge the integral is known:
 //! with middle m and way w, |w| ((m − C) ⊗ m + w ⊗ w / 12) before dx.
 
@@ -16,8 +16,8 @@ use super::{Cell, Local, MOST_EDGES, Moments, Patch};
 /// A linear map of moves in the plane of a patch: [uu, uv, vu, vv].
 type Linear = [f32; 4];
 
-/// How the centroid of a cell answers to moves of its site, and of the neighbours that
-/// it has edges with.
+/// The derivatives of the centroid of a cell by the positions of its site and of the neighbours
+/// with which it shares edges.
 #[derive(Clone, Debug)]
 pub(crate) struct Response {
     own: Linear,
@@ -25,21 +25,21 @@ pub(crate) struct Response {
 }
 
 impl Response {
-    /// That of the cell to which `moments` belong, on `patch`; `place` gives where a
-    /// neighbour is.
+    /// The response of `cell`, which has `moments`, on `patch`; `position` gives that of a
+    /// neighbour.
     pub(crate) fn new(
         cell: &Cell,
         moments: &Moments,
         patch: &Patch,
         site: Local,
-        place: impl Fn(u32) -> Local,
+        position: impl Fn(u32) -> Local,
     ) -> Self {
         let plane = |way: Local| [patch.axes[0].dot(&way), patch.axes[1].dot(&way)];
         let centroid = plane(moments.centroid - site);
         let mut own = [0.0; 4];
         let mut neighbors = [[0.0; 4]; MOST_EDGES];
         for ((edge, from, to), kept) in cell.edges().zip(&mut neighbors) {
-            let n = plane(place(edge) - site);
+            let n = plane(position(edge) - site);
             let way = [to.x - from.x, to.y - from.y];
             let middle = [0.5 * (from.x + to.x), 0.5 * (from.y + to.y)];
             let squares = (way[0] * way[0] + way[1] * way[1]) / (n[0] * n[0] + n[1] * n[1]);
@@ -60,8 +60,8 @@ impl Response {
         }
     }
 
-    /// How the centroid goes when the site goes by `own` and its neighbours, in the
-    /// order of the cell's edges, by `others`.
+    /// The move of the centroid when the site moves by `own` and its neighbours, in the order of
+    /// the cell's edges, by `others` (CRS units).
     pub(crate) fn of(
         &self,
         patch: &Patch,
@@ -101,18 +101,18 @@ mod tests {
         (cell, moments)
     }
 
-    /// Clipping anew is the slow twin: what differs goes with the square of the moves, or
-    /// on a bent patch with the bend of a cell.
+    /// Clipping anew is the slow twin: the difference grows with the square of the moves, or on
+    /// a bent patch with the curvature of the cell.
     #[test]
-    fn a_centroid_answers_to_small_moves_as_if_its_cell_were_clipped_anew() {
+    fn a_centroid_responds_to_small_moves_as_if_its_cell_were_clipped_anew() {
         let (mut largest, mut wrong) = (0.0_f64, 0);
         for (curvature, tolerance) in [(0.0, 0.0), (0.2, 0.04)] {
             let patch = bent(curvature);
             for seed in 0..60_u64 {
                 let roll = |k: u64| spread(1000 * seed + k) as f64 / u64::MAX as f64 - 0.5;
-                // A lattice of hexagons, uneven.
-                let quantization = (-2..=2_i32).flat_map(|i| (-2..=2_i32).map(move |j| (i, j)));
-                let mut sites: Vec<Local> = quantization
+                // An uneven hexagonal lattice.
+                let nodes = (-2..=2_i32).flat_map(|i| (-2..=2_i32).map(move |j| (i, j)));
+                let mut sites: Vec<Local> = nodes
                     .map(|(i, j)| {
                         let x = f64::from(i) + 0.5 * f64::from(j);
                         let k = 2 * (5 * (i + 2) + j + 2) as u64;
@@ -122,8 +122,8 @@ mod tests {
                     .collect();
                 sites.swap(0, 12);
                 let (cell, moments) = clipped(&patch, &sites);
-                let place = |neighbor: u32| sites[1 + neighbor as usize];
-                let response = Response::new(&cell, &moments, &patch, sites[0], place);
+                let position = |neighbor: u32| sites[1 + neighbor as usize];
+                let response = Response::new(&cell, &moments, &patch, sites[0], position);
                 for size in [0.01, 0.04] {
                     let moves: Vec<Local> = (0..sites.len() as u64)
                         .map(|k| Local::new(roll(100 + 2 * k), roll(101 + 2 * k), 0.0) * size)

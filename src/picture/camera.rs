@@ -1,51 +1,51 @@
-//! Where a picture is taken from.
+//! The camera: from positions in space to positions in the picture.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
 
-/// How a cloud is looked at.
+/// The view of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum View {
-    /// From above, without perspective, north up.
+    /// The view from above, without perspective, north up.
     Top,
-    /// From above, aslant to its longer side.
+    /// The view from above, aslant to the longer side of the cloud.
     #[default]
     Oblique,
-    /// From within, at eye height, along its longer side.
+    /// The view from within, at eye height, along the longer side of the cloud.
     Street,
 }
 
-/// What is looked at.
+/// The extent of a cloud.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scene {
     /// Least coordinates.
     pub(crate) min: [f64; 3],
     /// Greatest coordinates.
     pub(crate) max: [f64; 3],
-    /// The middle of all points.
+    /// The mean of all points.
     pub(crate) middle: [f64; 3],
-    /// The direction on the ground in which they reach farthest, of length one.
+    /// The horizontal unit vector along which the points reach farthest.
     pub(crate) along: [f64; 2],
 }
 
 impl Scene {
-    /// What points at `places` are, but for the share `stray` at either end of each axis;
-    /// `None` if there are none.
-    pub(crate) fn of(places: &[[f64; 3]], stray: f64) -> Option<Self> {
-        let left_out = (stray * places.len() as f64) as usize;
+    /// The scene of points at `positions`, without the share `stray` at either end of each axis;
+    /// `None` without points.
+    pub(crate) fn of(positions: &[[f64; 3]], stray: f64) -> Option<Self> {
+        let left_out = (stray * positions.len() as f64) as usize;
         let side = |axis: usize| {
-            let mut sorted: Vec<f64> = places.iter().map(|place| place[axis]).collect();
+            let mut sorted: Vec<f64> = positions.iter().map(|position| position[axis]).collect();
             sorted.sort_unstable_by(f64::total_cmp);
             let last = sorted.len().checked_sub(1 + left_out)?;
             Some((*sorted.get(left_out)?, *sorted.get(last)?))
         };
         let sides = [side(0)?, side(1)?, side(2)?];
-        let count = places.len() as f64;
-        let middle = [0, 1, 2].map(|axis| places.iter().map(|p| p[axis]).sum::<f64>() / count);
+        let count = positions.len() as f64;
+        let middle = [0, 1, 2].map(|axis| positions.iter().map(|p| p[axis]).sum::<f64>() / count);
         let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-        for place in places {
-            let [x, y] = [place[0] - middle[0], place[1] - middle[1]];
+        for position in positions {
+            let [x, y] = [position[0] - middle[0], position[1] - middle[1]];
             (xx, xy, yy) = (xx + x * x, xy + x * y, yy + y * y);
         }
         // The direction of the larger eigenvalue.
@@ -59,24 +59,25 @@ impl Scene {
     }
 }
 
-/// Turns places into places of a picture.
+/// A projection from positions in space to positions in a picture.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Camera {
     eye: Vector3<f64>,
-    /// Rows: to the right, upwards, into the picture.
+    /// The unit vectors to the right, upwards and into the picture, as rows.
     axes: Matrix3<f64>,
-    /// Pixels to a unit of length at a distance of one; without perspective, anywhere.
+    /// Pixels to a unit of length: at a distance of one, or everywhere without perspective.
     focus: f64,
     is_perspective: bool,
     middle: [f64; 2],
     nearest: f64,
 }
 
-/// Height of the eye above the lowest of what is looked at, in shares of its height; and a
-/// street's opening angle.
-const EYE: f64 = 0.15;
-const STREET_ANGLE: f64 = 70.0;
-const OBLIQUE_ANGLE: f64 = 35.0;
+/// Height of the eye of the street view above the lowest point, in heights of the scene.
+const EYE_HEIGHT: f64 = 0.15;
+/// Opening angle of the street view across the picture.
+const STREET_ANGLE_IN_DEGREES: f64 = 70.0;
+/// Opening angle of the oblique view across the shorter side of the picture.
+const OBLIQUE_ANGLE_IN_DEGREES: f64 = 35.0;
 
 impl Camera {
     /// A camera that shows `scene` in a picture of `size` pixels.
@@ -104,10 +105,10 @@ impl Camera {
                 let across = Vector3::new(-along.y, along.x, 0.0);
                 let across = if across.y < 0.0 { -across } else { across };
                 let forward = (along * 0.7 + across - Vector3::z()).normalize();
-                let half = (0.5 * OBLIQUE_ANGLE).to_radians();
+                let half = (0.5 * OBLIQUE_ANGLE_IN_DEGREES).to_radians();
                 let focus = 0.5 * height.min(width) / half.tan();
-                // So far that a ball around all of it fills the picture's shorter side; most
-                // clouds are flat and wide, and stand the rest.
+                // A ball around the whole cloud overfills the picture's shorter side at this
+                // distance; most clouds are flat and wide, and fit all the same.
                 let distance = 0.75 * radius / half.sin();
                 Self {
                     eye: center - forward * distance,
@@ -121,9 +122,9 @@ impl Camera {
             View::Street => {
                 let length = extent.x.hypot(extent.y);
                 let forward = (along - Vector3::new(0.0, 0.0, 0.06)).normalize();
-                let half = (0.5 * STREET_ANGLE).to_radians();
+                let half = (0.5 * STREET_ANGLE_IN_DEGREES).to_radians();
                 let [x, y, _] = scene.middle;
-                let floor = Vector3::new(x, y, min.z + EYE * extent.z);
+                let floor = Vector3::new(x, y, min.z + EYE_HEIGHT * extent.z);
                 Self {
                     eye: floor - along * (0.42 * length),
                     axes: axes(forward, Vector3::z()),
@@ -136,24 +137,24 @@ impl Camera {
         }
     }
 
-    /// Where `place` is in the picture: pixels from its upper left corner, how far away, and
-    /// pixels to a unit of length there; `None` if it is behind the eye.
-    pub(crate) fn project(&self, place: [f64; 3]) -> Option<([f64; 2], f64, f64)> {
-        let seen = self.axes * (Vector3::from(place) - self.eye);
+    /// The position of `position` in the picture (pixels from its upper left corner), its distance
+    /// along the view, and the pixels to a unit of length there; `None` behind the eye.
+    pub(crate) fn project(&self, position: [f64; 3]) -> Option<([f64; 2], f64, f64)> {
+        let seen = self.axes * (Vector3::from(position) - self.eye);
         let scale = match self.is_perspective {
             true if seen.z < self.nearest => return None,
             true => self.focus / seen.z,
             false => self.focus,
         };
-        let place = [
+        let position = [
             self.middle[0] + seen.x * scale,
             self.middle[1] - seen.y * scale,
         ];
-        Some((place, seen.z, scale))
+        Some((position, seen.z, scale))
     }
 }
 
-/// To the right, upwards and `forward`, as rows.
+/// The unit vectors to the right, upwards and `forward`, as rows.
 fn axes(forward: Vector3<f64>, up: Vector3<f64>) -> Matrix3<f64> {
     let right = forward.cross(&up).normalize();
     let up = right.cross(&forward);
@@ -164,24 +165,24 @@ fn axes(forward: Vector3<f64>, up: Vector3<f64>) -> Matrix3<f64> {
 mod tests {
     use super::*;
 
-    /// Along a diagonal, with two strays.
+    /// The scene of points along a diagonal, with two strays.
     fn scene() -> Scene {
-        let mut places: Vec<[f64; 3]> = (0..1000)
+        let mut positions: Vec<[f64; 3]> = (0..1000)
             .map(|i| f64::from(i) / 999.0)
             .map(|share| [100.0 * share, 50.0 * share, 10.0 * (7.0 * share).fract()])
             .collect();
-        places.extend([[1e6, -1e6, 0.0], [-1e6, 1e6, 0.0]]);
-        Scene::of(&places, 0.002).unwrap()
+        positions.extend([[1e6, -1e6, 0.0], [-1e6, 1e6, 0.0]]);
+        Scene::of(&positions, 0.002).unwrap()
     }
 
     #[test]
     fn a_scene_is_where_most_points_are() {
         let scene = scene();
         assert!(scene.min[0] > -1.0 && scene.max[0] < 101.0 && scene.max[1] < 51.0);
-        let places: Vec<[f64; 3]> = (0..50)
+        let positions: Vec<[f64; 3]> = (0..50)
             .map(|i| [2.0 * f64::from(i), f64::from(i), 0.0])
             .collect();
-        let [x, y] = Scene::of(&places, 0.0).unwrap().along;
+        let [x, y] = Scene::of(&positions, 0.0).unwrap().along;
         assert!((y / x - 0.5).abs() < 1e-9);
         assert!(Scene::of(&[], 0.0).is_none());
     }
@@ -201,8 +202,8 @@ mod tests {
             let camera = Camera::new(view, &scene(), [400, 300]);
             let eye: [f64; 3] = camera.eye.into();
             let ahead = |d: f64| {
-                let place = camera.eye + camera.axes.row(2).transpose() * d;
-                camera.project(place.into())
+                let position = camera.eye + camera.axes.row(2).transpose() * d;
+                camera.project(position.into())
             };
             assert!(camera.project(eye).is_none() && ahead(-5.0).is_none());
             let (near, far) = (ahead(30.0).unwrap(), ahead(60.0).unwrap());

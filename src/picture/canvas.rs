@@ -1,15 +1,15 @@
-//! A frame that points are drawn on.
+//! The frame that points are drawn on.
 
 use std::io::Write;
 
-/// Largest disc, in pixels from its middle: a point before the eye is not to hide all.
-const LARGEST: f64 = 20.0;
-/// How strongly what stands before something darkens it.
+/// Largest radius of a disc: a point just before the eye must not hide everything.
+const LARGEST_RADIUS_IN_PIXELS: f64 = 20.0;
+/// How strongly a pixel is darkened by what stands before it.
 const SHADING: f64 = 60.0;
-/// How far around a pixel is looked for what stands before it, in pixels.
-const REACH: i64 = 2;
-/// Where nothing is.
-const PAPER: [u8; 3] = [251, 251, 249];
+/// Distance between a pixel and those that are compared with its depth.
+const SHADING_REACH_IN_PIXELS: i64 = 2;
+/// The colour of pixels without points.
+const PAPER_COLOR: [u8; 3] = [251, 251, 249];
 
 /// Colours and depths of all pixels, row by row from the upper left.
 #[derive(Clone, Debug)]
@@ -20,27 +20,27 @@ pub(crate) struct Canvas {
 }
 
 impl Canvas {
-    /// An empty frame of so many pixels to the right and downwards.
+    /// An empty frame of `size` pixels, to the right and downwards.
     pub(crate) fn new(size: [u32; 2]) -> Self {
         let pixels = size[0] as usize * size[1] as usize;
         Self {
             size,
             depths: vec![f32::INFINITY; pixels],
-            colors: vec![PAPER; pixels],
+            colors: vec![PAPER_COLOR; pixels],
         }
     }
 
-    /// Draws a disc of `radius` pixels around `place`, where nothing nearer is; of two that
-    /// are equally near the darker one is seen, whatever the order.
-    pub(crate) fn disc(&mut self, place: [f64; 2], depth: f64, radius: f64, color: [u8; 3]) {
-        let radius = radius.clamp(0.5, LARGEST);
+    /// Draws a disc of `radius` pixels around `position` behind everything nearer; of two equally
+    /// near discs the darker one is visible, whatever the order.
+    pub(crate) fn disc(&mut self, position: [f64; 2], depth: f64, radius: f64, color: [u8; 3]) {
+        let radius = radius.clamp(0.5, LARGEST_RADIUS_IN_PIXELS);
         let [width, height] = self.size.map(i64::from);
-        let (left, right) = range(place[0], radius, width);
-        let (top, bottom) = range(place[1], radius, height);
+        let (left, right) = range(position[0], radius, width);
+        let (top, bottom) = range(position[1], radius, height);
         let depth = depth as f32;
         for y in top..bottom {
             for x in left..right {
-                let [dx, dy] = [x as f64 + 0.5 - place[0], y as f64 + 0.5 - place[1]];
+                let [dx, dy] = [x as f64 + 0.5 - position[0], y as f64 + 0.5 - position[1]];
                 if radius > 1.0 && dx * dx + dy * dy > radius * radius {
                     continue;
                 }
@@ -54,8 +54,8 @@ impl Canvas {
         }
     }
 
-    /// The picture, shaded: a pixel is the darker the farther what is around it stands before
-    /// it (eye-dome lighting). Red, green, blue, row by row.
+    /// The picture with eye-dome lighting: a pixel is the darker, the farther the pixels around it
+    /// stand before it. The bytes are red, green, blue, row by row.
     pub(crate) fn shaded(&self) -> Vec<u8> {
         let [width, height] = self.size.map(i64::from);
         let mut picture = Vec::with_capacity(3 * self.colors.len());
@@ -68,12 +68,15 @@ impl Canvas {
                     let around = (-1..=1).flat_map(|j| (-1..=1).map(move |i| (i, j)));
                     let before: f64 = around
                         .map(|(i, j)| {
-                            let (x, y) = (x + REACH * i, y + REACH * j);
+                            let (x, y) = (
+                                x + SHADING_REACH_IN_PIXELS * i,
+                                y + SHADING_REACH_IN_PIXELS * j,
+                            );
                             if !(0..width).contains(&x) || !(0..height).contains(&y) {
                                 return 0.0;
                             }
                             let other = self.depths[(y * width + x) as usize];
-                            // In shares of the distance: near and far alike.
+                            // Relative to the distance, so that near and far are shaded alike.
                             f64::from((depth / other).ln().max(0.0))
                         })
                         .filter(|share| share.is_finite())
@@ -103,7 +106,7 @@ impl Canvas {
     }
 }
 
-/// Pixels that a disc around `middle` may cover.
+/// The range of pixels on one axis that a disc around `middle` may cover.
 fn range(middle: f64, radius: f64, most: i64) -> (i64, i64) {
     // `as` saturates, and takes what is not a number for zero.
     let first = (middle - radius).floor() as i64;
@@ -126,8 +129,8 @@ mod tests {
         let drawn = |order: &[usize]| {
             let mut canvas = Canvas::new([40, 30]);
             for &i in order {
-                let (place, depth, radius, color) = discs[i];
-                canvas.disc(place, depth, radius, color);
+                let (position, depth, radius, color) = discs[i];
+                canvas.disc(position, depth, radius, color);
             }
             canvas
         };
@@ -136,7 +139,7 @@ mod tests {
         assert_eq!(forth.colors[20 * 40 + 20], [0, 0, 200]);
         assert_eq!(forth.colors[20 * 40 + 24], [0, 200, 0]);
         assert_eq!(forth.colors[15 * 40 + 20], [200, 0, 0]);
-        assert_eq!(forth.colors[0], PAPER);
+        assert_eq!(forth.colors[0], PAPER_COLOR);
         // Behind the green disc it is darker than on it.
         let picture = forth.shaded();
         assert!(picture[3 * (15 * 40 + 22)] < 200);
@@ -153,6 +156,6 @@ mod tests {
         let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
         let info = reader.next_frame(&mut pixels).unwrap();
         assert_eq!((info.width, info.height), (7, 5));
-        assert_eq!(pixels[..3], PAPER);
+        assert_eq!(pixels[..3], PAPER_COLOR);
     }
 }

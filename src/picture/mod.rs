@@ -1,6 +1,6 @@
 //! Still pictures of clouds: points as discs, shaded by what stands before what.
 //!
-//! Nothing but the frame is held: points are drawn as they come, in any number and order.
+//! Only the frame is kept in memory: points are drawn one by one, in any number and order.
 
 mod camera;
 mod canvas;

@@ -3,10 +3,11 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Bins to a spacing, and spacings covered; what lies beyond is counted in the
-/// last bin, its mean and maximum remain exact.
+/// Number of bins to a spacing.
 const BINS_PER_SPACING: f64 = 256.0;
-const SPACINGS: f64 = 8.0;
+/// Range of the bins. Larger distances are counted in the last bin; their mean and maximum remain
+/// exact.
+const RANGE_IN_SPACINGS: f64 = 8.0;
 
 /// A tally of distances, in bounded memory.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,18 +20,18 @@ pub struct DistanceTally {
     beyond: u64,
 }
 
-/// What a [`DistanceTally`] says. Lengths are CRS units; NaN of nothing.
+/// The figures of a [`DistanceTally`]. Lengths are CRS units; all are NaN without distances.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DistanceFigures {
     /// Number of distances.
     pub count: u64,
-    /// Their mean.
+    /// Mean distance.
     pub mean: f64,
-    /// 99 % are no larger, to 1/256 of a spacing.
+    /// The 99th percentile, to 1/256 of a spacing.
     pub p99: f64,
-    /// The largest.
+    /// Largest distance.
     pub max: f64,
-    /// Share beyond 1.5 spacings.
+    /// Share of the distances beyond 1.5 spacings.
     pub share_beyond: f64,
 }
 
@@ -39,7 +40,7 @@ impl DistanceTally {
     pub fn new(spacing: f64) -> Self {
         Self {
             spacing,
-            bins: vec![0; (BINS_PER_SPACING * SPACINGS) as usize + 1],
+            bins: vec![0; (BINS_PER_SPACING * RANGE_IN_SPACINGS) as usize + 1],
             count: 0,
             sum: 0.0,
             max: 0.0,
@@ -59,7 +60,7 @@ impl DistanceTally {
         self.beyond += u64::from(distance > 1.5 * self.spacing);
     }
 
-    /// Adds the distances of another part.
+    /// Adds the distances of another part of the cloud.
     pub(crate) fn add(&mut self, other: &Self) {
         for (bin, more) in self.bins.iter_mut().zip(&other.bins) {
             *bin += more;
@@ -70,13 +71,13 @@ impl DistanceTally {
         self.beyond += other.beyond;
     }
 
-    /// The distances in `bins` equal parts of 0 … `spacings` spacings; what is farther is in
-    /// the last.
+    /// The number of distances in each of `bins` equal parts of 0 to `spacings` spacings; larger
+    /// distances are in the last part.
     pub(crate) fn histogram(&self, bins: usize, spacings: f64) -> Vec<u64> {
         let mut counts = vec![0; bins];
         for (k, &count) in self.bins.iter().enumerate() {
-            let place = (k as f64 + 0.5) / BINS_PER_SPACING / spacings;
-            counts[((place * bins as f64) as usize).min(bins - 1)] += count;
+            let share = (k as f64 + 0.5) / BINS_PER_SPACING / spacings;
+            counts[((share * bins as f64) as usize).min(bins - 1)] += count;
         }
         counts
     }

@@ -1,6 +1,6 @@
-//! How good a cloud is: figures of uniformity, faithfulness and coverage.
+//! The quality of a cloud: figures of uniformity, accuracy and coverage.
 //!
-//! Tallies take one site at a time and hold a fixed number of bins, whatever
+//! Tallies take one site at a time and have a fixed number of bins, whatever
 //! the size of the cloud; they can be added, part by part.
 
 mod deviation;

@@ -1,4 +1,4 @@
-//! How evenly sites are spread.
+//! Uniformity: how evenly sites are spread.
 //!
 //! δ, σ and ε are those of Accelerated Lloyd's Method for Resampling 3D Point
 //! Clouds, sections IV-B and V-B. δ alone can be gamed (a voxel grid has
@@ -12,8 +12,8 @@
 //!   as many sites to the area, sqrt(2 A / (√3 n)).
 //!
 //! They are taken over the *closed* cells, which neighbours bound all around:
-//! at a border of the scan a cell's area is that of its domain, and says
-//! nothing.
+//! at a border of the scan the area of a cell is that of its bounding
+//! polygon, and means nothing.
 
 use serde::{Deserialize, Serialize};
 
@@ -22,15 +22,17 @@ use super::deviation::delta;
 /// Energy of the regular hexagon over the square of its area: 5√3/54.
 const HEXAGON_ENERGY: f64 = 0.160_375_074_774_896_5;
 
+/// Number of bins of nearest distances to a spacing.
 const BINS_PER_SPACING: f64 = 256.0;
-const SPACINGS: f64 = 4.0;
+/// Range of the bins; larger distances are in the last bin.
+const RANGE_IN_SPACINGS: f64 = 4.0;
 
 /// The figures of one site's cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellFigures {
     /// Area (CRS units squared).
     pub area: f64,
-    /// ∫ |x − site|² over the cell.
+    /// ∫ |x − site|² over the cell (CRS units to the fourth).
     pub energy: f64,
     /// Number of neighbouring cells.
     pub neighbors: u8,
@@ -40,7 +42,7 @@ pub struct CellFigures {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct UniformityTally {
     spacing: f64,
-    /// Number and sum of the nearest distances, by distance.
+    /// Number and sum (CRS units) of the nearest distances in each bin.
     bins: Vec<(u32, f64)>,
     count: u64,
     alone: u64,
@@ -54,48 +56,48 @@ pub struct UniformityTally {
     with_six: u64,
 }
 
-/// What a [`UniformityTally`] says. Lengths are CRS units; NaN of nothing.
+/// The figures of a [`UniformityTally`]. Lengths are CRS units; figures of nothing are NaN.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Uniformity {
-    /// Sites without another one as far as was looked: strays, which have no
-    /// part in the figures of distance.
+    /// Number of sites without another one within the search radius: strays, which the figures
+    /// of distance leave out.
     pub alone: u64,
-    /// Sites with a nearest neighbour.
+    /// Number of sites with a nearest neighbour.
     pub count: u64,
-    /// Paper, equation (6).
+    /// δ: standard deviation of the nearest distances over their mean (paper, equation 6).
     pub delta: f64,
     /// δ without the one distance in a hundred that is largest.
     pub delta_trimmed: f64,
-    /// Mean absolute deviation of the nearest distances.
+    /// σ: mean absolute deviation of the nearest distances.
     pub sigma: f64,
     /// σ over the mean distance.
     pub sigma_over_mean: f64,
-    /// Cosine between the distances and a constant.
+    /// ε: cosine between the vector of the distances and a constant one.
     pub epsilon: f64,
     /// Mean nearest distance.
     pub mean: f64,
     /// Smallest nearest distance over the mean.
     pub min: f64,
-    /// One in a hundred is smaller, over the mean.
+    /// The first percentile of the nearest distances over their mean.
     pub p1: f64,
-    /// Median over the mean.
+    /// Median of the nearest distances over their mean.
     pub p50: f64,
-    /// One in a hundred is larger, over the mean.
+    /// The 99th percentile of the nearest distances over their mean.
     pub p99: f64,
-    /// Closed cells.
+    /// Number of closed cells.
     pub cells: u64,
-    /// Energy over the hexagonal tessellation's.
+    /// Energy of the closed cells over that of the hexagonal tessellation.
     pub energy_ratio: f64,
     /// Standard deviation over mean of the cells' areas.
     pub cell_area_cv: f64,
-    /// Mean nearest distance over the hexagonal lattice's.
+    /// Mean nearest distance over that of the hexagonal lattice with as many sites to the area.
     pub packing: f64,
     /// Share of closed cells with six neighbours.
     pub six_neighbors: f64,
 }
 
 impl Uniformity {
-    /// These distances, with the figures of the cells of `cells`.
+    /// The figures of distance of `self`, with the figures of the cells of `cells`.
     #[must_use]
     pub(crate) fn with_cells_of(self, cells: &Self) -> Self {
         Self {
@@ -110,16 +112,16 @@ impl Uniformity {
 }
 
 impl UniformityTally {
-    /// An empty tally, for sites about `spacing` apart (CRS units).
+    /// An empty tally, for sites approximately `spacing` apart (CRS units).
     pub fn new(spacing: f64) -> Self {
         Self {
             spacing,
-            bins: vec![(0, 0.0); (BINS_PER_SPACING * SPACINGS) as usize + 1],
+            bins: vec![(0, 0.0); (BINS_PER_SPACING * RANGE_IN_SPACINGS) as usize + 1],
             count: 0,
             alone: 0,
             sum: 0.0,
             squares: 0.0,
-            // Not infinite: JSON has no word for that.
+            // JSON cannot express infinity.
             min: f64::MAX,
             cells: 0,
             area: 0.0,
@@ -142,7 +144,7 @@ impl UniformityTally {
         self.min = self.min.min(distance);
     }
 
-    /// Adds a site that has no neighbour as far as was looked.
+    /// Adds a site that has no neighbour within the search radius.
     pub fn push_alone(&mut self) {
         self.alone += 1;
     }
@@ -156,7 +158,7 @@ impl UniformityTally {
         self.with_six += u64::from(cell.neighbors == 6);
     }
 
-    /// Adds the sites of another part.
+    /// Adds the sites of another part of the cloud.
     pub(crate) fn add(&mut self, other: &Self) {
         for (bin, more) in self.bins.iter_mut().zip(&other.bins) {
             bin.0 += more.0;
@@ -174,12 +176,12 @@ impl UniformityTally {
         self.with_six += other.with_six;
     }
 
-    /// The nearest distances in `bins` equal parts of 0 … `spacings` spacings.
+    /// The number of nearest distances in each of `bins` equal parts of 0 to `spacings` spacings.
     pub(crate) fn histogram(&self, bins: usize, spacings: f64) -> Vec<u64> {
         let mut counts = vec![0; bins];
         for (k, &(count, _)) in self.bins.iter().enumerate() {
-            let place = (k as f64 + 0.5) / BINS_PER_SPACING / spacings;
-            if let Some(bin) = counts.get_mut((place * bins as f64) as usize) {
+            let part = (k as f64 + 0.5) / BINS_PER_SPACING / spacings;
+            if let Some(bin) = counts.get_mut((part * bins as f64) as usize) {
                 *bin += u64::from(count);
             }
         }
@@ -222,7 +224,7 @@ impl UniformityTally {
         }
     }
 
-    /// The mean distance of the bin in which `share` of the sites is reached.
+    /// The mean distance of the bin in which the share `share` of the sites is reached.
     fn quantile(&self, share: f64) -> f64 {
         let rank = (share * self.count as f64).ceil() as u64;
         let mut seen = 0;
@@ -235,6 +237,7 @@ impl UniformityTally {
             .map_or(f64::NAN, |&(count, sum)| sum / f64::from(count))
     }
 
+    /// δ without the largest hundredth of the distances, by the means of the bins.
     fn delta_trimmed(&self) -> f64 {
         let mut rest = self.count - self.count / 100;
         let kept = rest as f64;
