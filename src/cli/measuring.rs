@@ -93,6 +93,12 @@ fn rows(measured: &Measured) -> Vec<(String, String)> {
     let mut rows: Vec<(String, String)> = uniformity
         .map(|(name, value)| (name.to_owned(), value))
         .into();
+    if let Some(alone) = &measured.alone {
+        rows.extend([
+            ("  their nearest, mean".to_owned(), figure(alone.mean)),
+            ("  their nearest, max".to_owned(), figure(alone.max)),
+        ]);
+    }
     if let (Some(accuracy), Some(coverage)) = (&measured.accuracy, &measured.coverage) {
         rows.extend(distances("cloud to scans", accuracy));
         rows.extend(distances("scans to cloud", coverage));

@@ -95,8 +95,10 @@ impl DistanceTally {
                 seen >= rank
             })
             .filter(|_| self.count > 0)
-            .map_or(f64::NAN, |bin| {
-                ((bin as f64 + 1.0) / BINS_PER_SPACING * self.spacing).min(self.max)
+            .map_or(f64::NAN, |bin| match bin + 1 < self.bins.len() {
+                true => ((bin as f64 + 1.0) / BINS_PER_SPACING * self.spacing).min(self.max),
+                // The last bin has no upper end.
+                false => self.max,
             });
         DistanceFigures {
             count: self.count,

@@ -1,10 +1,13 @@
-//! The figures of a cloud, collected part by part.
+//! The figures of a cloud, collected part by part; points whose nearest neighbour no part sees, at the end.
 
-use super::marked_points::gather_marked;
+use super::{
+    far_neighbors::FarNeighbors,
+    marked_points::{Mark, gather_marked},
+};
 use crate::{
     geometry::{NeighborGrid, Quantization, Rect, Stored},
     job::JobError,
-    lloyd::{Scan, SolverOptions, TileRegion, describe_points, uniformity},
+    lloyd::{Scan, Site, SolverOptions, TileRegion, describe_points, uniformity as tally_sites},
     quality::{DistanceTally, UniformityTally},
     tile::Spill,
     tiling::Plan,
@@ -24,8 +27,8 @@ pub(super) struct Measurement<'a> {
     pub(super) quantization: Quantization,
     /// The unit of the distances.
     pub(super) spacing: f64,
-    /// The largest distance at which a nearest point is searched for; `None` if the cloud is
-    /// compared with no scans.
+    /// The largest distance at which a part knows the nearest point of the other cloud; `None` if the
+    /// cloud is compared with no scans.
     pub(super) comparison_reach: Option<f64>,
 }
 
@@ -35,10 +38,33 @@ pub(super) struct CloudTally {
     pub(super) points: u64,
     /// Nearest distances and cells of the cloud.
     pub(super) uniformity: UniformityTally,
+    /// The nearest distances of the points that have no part in the figures of uniformity, because they
+    /// have no neighbour within a few spacings.
+    pub(super) alone: DistanceTally,
     /// The distances from the cloud to the scans.
     pub(super) accuracy: DistanceTally,
     /// The distances from the scans to the cloud.
     pub(super) coverage: DistanceTally,
+}
+
+/// A direction in which clouds are compared: the distances within reach, and the points beyond.
+struct Comparison<'a> {
+    tally: DistanceTally,
+    far: FarNeighbors<'a>,
+}
+
+impl<'a> Comparison<'a> {
+    fn new(measurement: &'a Measurement<'a>, is_target: fn(&[u8]) -> bool) -> Self {
+        Self {
+            tally: DistanceTally::new(measurement.spacing),
+            far: FarNeighbors::new(measurement, is_target),
+        }
+    }
+
+    fn into_distances(mut self) -> Result<DistanceTally, JobError> {
+        self.tally.add(&self.far.into_distances()?);
+        Ok(self.tally)
+    }
 }
 
 impl Measurement<'_> {
@@ -48,48 +74,64 @@ impl Measurement<'_> {
     ///
     /// [`JobError::Tile`] if the spill cannot be read.
     pub(super) fn tally(&self) -> Result<CloudTally, JobError> {
-        let mut tally = CloudTally {
-            points: 0,
-            uniformity: UniformityTally::new(self.spacing),
-            accuracy: DistanceTally::new(self.spacing),
-            coverage: DistanceTally::new(self.spacing),
-        };
+        let is_cloud = |record: &[u8]| Mark::of_record(record) == Mark::Cloud;
+        let is_scan = |record: &[u8]| Mark::of_record(record) == Mark::Scan;
+        let mut points = 0;
+        let mut uniformity = UniformityTally::new(self.spacing);
+        let mut alone = FarNeighbors::new(self, is_cloud);
+        let mut accuracy = Comparison::new(self, is_scan);
+        let mut coverage = Comparison::new(self, is_cloud);
         for part in &self.plan.tiles {
             let known = part.core.grown(self.plan.halo);
             let (cloud, scan) = gather_marked(self.spill, &known)?;
-            tally.points += cloud.iter().filter(|&&p| part.core.contains(p)).count() as u64;
+            points += cloud.iter().filter(|&&p| part.core.contains(p)).count() as u64;
             if let Some(reach) = self.comparison_reach {
-                self.compare(&part.core, &cloud, &scan, reach, &mut tally.accuracy);
-                self.compare(&part.core, &scan, &cloud, reach, &mut tally.coverage);
+                self.compare(&part.core, &cloud, &scan, reach, &mut accuracy)?;
+                self.compare(&part.core, &scan, &cloud, reach, &mut coverage)?;
             }
-            tally
-                .uniformity
-                .add(&self.uniformity(cloud, known, part.core));
+            let sites = self.describe(cloud, known, part.core);
+            let in_core = || {
+                sites
+                    .iter()
+                    .filter(|site| part.core.contains(site.identity))
+            };
+            uniformity.add(&tally_sites(in_core(), self.spacing));
+            for site in in_core().filter(|site| !site.nearest.is_finite()) {
+                alone.push(site.identity)?;
+            }
         }
-        Ok(tally)
+        Ok(CloudTally {
+            points,
+            uniformity,
+            alone: alone.into_distances()?,
+            accuracy: accuracy.into_distances()?,
+            coverage: coverage.into_distances()?,
+        })
     }
 
-    /// Adds the distances from the points of `from` in `core` to the nearest points of `to`; a
-    /// distance beyond `reach` counts as `reach`.
+    /// Adds the distances from the points of `from` in `core` to the nearest points of `to`; a point that
+    /// has none within `reach` waits.
     fn compare(
         &self,
         core: &Rect,
         from: &[Stored],
         to: &[Stored],
         reach: f64,
-        tally: &mut DistanceTally,
-    ) {
+        comparison: &mut Comparison<'_>,
+    ) -> Result<(), JobError> {
         let to: Vec<_> = to.iter().map(|&p| self.quantization.local(p)).collect();
         let grid = NeighborGrid::new(&to, self.spacing);
         for &point in from.iter().filter(|&&p| core.contains(p)) {
-            let nearest = grid.nearest(self.quantization.local(point), reach, |_| false);
-            tally.push(nearest.map_or(reach, |(_, distance_squared)| distance_squared.sqrt()));
+            match grid.nearest(self.quantization.local(point), reach, |_| false) {
+                Some((_, distance_squared)) => comparison.tally.push(distance_squared.sqrt()),
+                None => comparison.far.push(point)?,
+            }
         }
+        Ok(())
     }
 
-    /// Measures the nearest distances and the cells of the points in `core`, given the points of
-    /// the cloud in `known`.
-    fn uniformity(&self, cloud: Vec<Stored>, known: Rect, core: Rect) -> UniformityTally {
+    /// The points of the cloud in `core` and around it as sites, given those in `known`.
+    fn describe(&self, cloud: Vec<Stored>, known: Rect, core: Rect) -> Vec<Site> {
         let options = SolverOptions {
             fit_radius: MEASURED_FIT_RADIUS_IN_SPACINGS * self.spacing,
             ..SolverOptions::new(self.spacing)
@@ -100,8 +142,6 @@ impl Measurement<'_> {
             core,
             band: self.plan.halo,
         };
-        let sites = describe_points(&scan, &region, &options);
-        let in_core = sites.iter().filter(|site| core.contains(site.identity));
-        uniformity(in_core, self.spacing)
+        describe_points(&scan, &region, &options)
     }
 }

@@ -26,7 +26,8 @@ pub(super) enum Mark {
 }
 
 impl Mark {
-    fn of_record(record: &[u8]) -> Self {
+    /// The mark of a marked point.
+    pub(super) fn of_record(record: &[u8]) -> Self {
         if record[COORDINATE_BYTES] == 0 {
             Self::Cloud
         } else {
@@ -81,7 +82,7 @@ impl Source for MarkedPoints {
     }
 }
 
-/// Gathers the points of the measured cloud and those of the scans in `rect`.
+/// Gathers the points of the measured cloud and those of the scans in `rect`, each sorted.
 ///
 /// # Errors
 ///
@@ -98,5 +99,8 @@ pub(super) fn gather_marked(
             Mark::Scan => scan.push(point),
         }
     })?;
+    // Points of a cell are in no order, and sums of floats depend on it.
+    cloud.sort_unstable();
+    scan.sort_unstable();
     Ok((cloud, scan))
 }

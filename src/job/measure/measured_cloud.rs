@@ -33,11 +33,13 @@ pub(crate) struct Measured {
     /// The estimated spacing of a hexagonal lattice with as many points on the cloud's surface. It
     /// is the unit of the distances below.
     pub(crate) spacing: f64,
-    /// The distances from the cloud to the nearest points of the scans it is compared with,
-    /// searched for within eight spacings.
+    /// The nearest distances of the points that the figures of uniformity leave out because they have no
+    /// neighbour within four spacings; `None` if there is no such point.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) alone: Option<DistanceFigures>,
+    /// The distances from the cloud to the nearest points of the scans it is compared with.
     pub(crate) accuracy: Option<DistanceFigures>,
-    /// The distances from the scans to the nearest points of the cloud, searched for within eight
-    /// spacings.
+    /// The distances from the scans to the nearest points of the cloud.
     pub(crate) coverage: Option<DistanceFigures>,
     /// The distances from the cloud to surfaces that are known exactly, if they were given.
     pub(crate) truth: Option<DistanceFigures>,
@@ -109,6 +111,7 @@ fn measure_in(
         points: tally.points,
         uniformity: tally.uniformity.figures(),
         spacing,
+        alone: (tally.alone.figures().count > 0).then(|| tally.alone.figures()),
         accuracy: has_scans.then(|| tally.accuracy.figures()),
         coverage: has_scans.then(|| tally.coverage.figures()),
         truth: None,
@@ -144,4 +147,108 @@ fn scatter_marked(
     let never = AtomicBool::new(false);
     scatter(sources, grid, stem, options, &|_| {}, &never)?;
     Ok(Spill::open(stem)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::spread;
+
+    /// A text of points, in the PLY format.
+    fn write_cloud(path: &Path, points: &[[f64; 3]]) {
+        let mut text = format!(
+            "ply\nformat ascii 1.0\nelement vertex {}\nproperty double x\nproperty double y\n\
+             property double z\nend_header\n",
+            points.len()
+        );
+        for [x, y, z] in points {
+            text += &format!("{x} {y} {z}\n");
+        }
+        std::fs::write(path, text).unwrap();
+    }
+
+    fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+        (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt()
+    }
+
+    /// The distances from each of `points` to the nearest of `others` that is not at the same position: the slow, obvious twin.
+    fn nearest(points: &[[f64; 3]], others: &[[f64; 3]]) -> Vec<f64> {
+        let to_nearest = |point: &[f64; 3]| {
+            let distances = others.iter().map(|other| distance(point, other));
+            distances.filter(|&d| d > 0.0).fold(f64::INFINITY, f64::min)
+        };
+        points.iter().map(to_nearest).collect()
+    }
+
+    fn assert_figures(figures: &DistanceFigures, distances: &[f64]) {
+        let count = distances.len() as f64;
+        let mean = distances.iter().sum::<f64>() / count;
+        let max = distances.iter().copied().fold(0.0, f64::max);
+        assert_eq!(figures.count, distances.len() as u64);
+        assert!((figures.mean - mean).abs() <= 1e-9 * mean, "{figures:?}");
+        assert!((figures.max - max).abs() <= 1e-9 * max, "{figures:?}");
+    }
+
+    /// Four sheets of points 0.1 apart, cut into several parts, and strays up to a
+    /// kilometre away; two of the sheets are not in the scan, which has strays of its own.
+    #[test]
+    fn the_nearest_point_is_found_however_far_away_it_is() {
+        let sheet = |k: u32| -> Vec<[f64; 3]> {
+            let (x, y) = (60.0 * f64::from(k % 2), 70.0 * f64::from(k / 2));
+            let position = |i: u32| {
+                [
+                    x + 0.1 * f64::from(i % 100),
+                    y + 0.1 * f64::from(i / 100),
+                    0.0,
+                ]
+            };
+            (0..10_000).map(position).collect()
+        };
+        let coordinate = |k: u64| (spread(k) % 1_000_000) as f64 * 0.001 - 400.0;
+        let strays: Vec<[f64; 3]> = (0..40)
+            .map(|i| {
+                [
+                    coordinate(3 * i),
+                    coordinate(3 * i + 1),
+                    5.0 + coordinate(3 * i + 2).abs(),
+                ]
+            })
+            .collect();
+        let sheets: Vec<[f64; 3]> = (0..4).flat_map(sheet).collect();
+        let cloud = [sheets.clone(), strays.clone()].concat();
+        let beside = strays.iter().map(|[x, y, z]| [x + 3.0, y - 20.0, z + 1.0]);
+        let scan = [sheet(0), sheet(3), beside.collect()].concat();
+
+        let dir = tempfile::tempdir().unwrap();
+        let files = ["cloud.ply", "scan.ply"].map(|name| dir.path().join(name));
+        write_cloud(&files[0], &cloud);
+        write_cloud(&files[1], &scan);
+        let [cloud_file, scan_file] = files.each_ref().map(std::slice::from_ref);
+        // So little memory that there are several parts.
+        let least = Budget::new(Some(0), 2).least();
+        let measured = |against| measure(cloud_file, against, dir.path(), Some(least), 2).unwrap();
+
+        let alone = measured(&[]);
+        assert_eq!(alone.uniformity.alone, strays.len() as u64);
+        assert_figures(&alone.alone.unwrap(), &nearest(&strays, &cloud));
+
+        let against = measured(scan_file);
+        let missed = [sheet(1), sheet(2), strays].concat();
+        let mut to_scan = vec![0.0; 20_000];
+        to_scan.extend(nearest(&missed, &scan));
+        assert_figures(&against.accuracy.unwrap(), &to_scan);
+        let mut to_cloud = vec![0.0; 20_000];
+        to_cloud.extend(nearest(&scan[20_000..], &cloud));
+        assert_figures(&against.coverage.unwrap(), &to_cloud);
+    }
+
+    #[test]
+    fn an_even_cloud_has_no_point_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("sheet.ply");
+        let position = |i: u32| [0.1 * f64::from(i % 60), 0.1 * f64::from(i / 60), 1.0];
+        write_cloud(&path, &(0..3600).map(position).collect::<Vec<_>>());
+        let measured = measure(&[path], &[], dir.path(), None, 2).unwrap();
+        assert!(measured.alone.is_none() && measured.uniformity.alone == 0);
+    }
 }

@@ -5,6 +5,7 @@
 
 mod cloud_spacing;
 mod cloud_tally;
+mod far_neighbors;
 mod marked_points;
 mod measured_cloud;
 mod parts;

@@ -1,0 +1,130 @@
+//! Nearest neighbours beyond what a part of a measurement sees.
+//!
+//! A part sees a few spacings around its core. The points whose nearest neighbour is farther than that are few:
+//! they wait, and are looked up in all parts, the nearest part first. A part is read only if one of the waiting
+//! points can have a nearer neighbour in it, by the distance from the point to the core of the part.
+
+use rayon::prelude::*;
+
+use super::cloud_tally::Measurement;
+use crate::{
+    geometry::{Local, NearestPoints, Rect, Stored},
+    job::JobError,
+    quality::DistanceTally,
+    tiling::Tile,
+};
+
+/// Points that wait at most, with 28 bytes each while they are looked up.
+const MAX_WAITING_POINTS: usize = 100_000;
+
+/// Points that wait for their nearest neighbour among the targets: the marked points of a measurement for
+/// which `is_target` holds.
+pub(super) struct FarNeighbors<'a> {
+    measurement: &'a Measurement<'a>,
+    is_target: fn(&[u8]) -> bool,
+    waiting: Vec<Stored>,
+    tally: DistanceTally,
+}
+
+impl<'a> FarNeighbors<'a> {
+    /// No waiting points.
+    pub(super) fn new(measurement: &'a Measurement<'a>, is_target: fn(&[u8]) -> bool) -> Self {
+        Self {
+            measurement,
+            is_target,
+            waiting: Vec::new(),
+            tally: DistanceTally::new(measurement.spacing),
+        }
+    }
+
+    /// Adds a point. Targets at its own position are not its neighbours.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError::Tile`] if the spill cannot be read.
+    pub(super) fn push(&mut self, point: Stored) -> Result<(), JobError> {
+        self.waiting.push(point);
+        if self.waiting.len() == MAX_WAITING_POINTS {
+            self.look_up()?;
+        }
+        Ok(())
+    }
+
+    /// The distances from all points to their nearest neighbours; nothing for points without any, because
+    /// there is no target.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError::Tile`] if the spill cannot be read.
+    pub(super) fn into_distances(mut self) -> Result<DistanceTally, JobError> {
+        self.look_up()?;
+        Ok(self.tally)
+    }
+
+    /// Looks up the waiting points.
+    fn look_up(&mut self) -> Result<(), JobError> {
+        let Some(bounds) = bounding_rectangle(&self.waiting) else {
+            return Ok(());
+        };
+        let quantization = self.measurement.quantization;
+        let mut parts: Vec<&Tile> = self.measurement.plan.tiles.iter().collect();
+        parts.sort_by_key(|part| (gap(&part.core, &bounds), part.id));
+        let mut nearest_squared = vec![f64::INFINITY; self.waiting.len()];
+        for part in parts {
+            // Only points that are nearer to the part than to their nearest neighbour so far.
+            let may_gain = |&index: &usize| {
+                let away = (-part.core.depth(self.waiting[index])).max(0) as f64;
+                (away * quantization.scale).powi(2) <= nearest_squared[index]
+            };
+            let asking: Vec<usize> = (0..nearest_squared.len()).filter(may_gain).collect();
+            if asking.is_empty() {
+                continue;
+            }
+            let targets = self.targets(&part.core)?;
+            let tree = NearestPoints::new(&targets);
+            let distance_squared = |&index: &usize| {
+                let position = quantization.local(self.waiting[index]);
+                let nearest = tree.nearest_elsewhere(position);
+                nearest.map_or(f64::INFINITY, |(_, squared)| squared)
+            };
+            let found: Vec<f64> = asking.par_iter().map(distance_squared).collect();
+            for (index, squared) in asking.into_iter().zip(found) {
+                nearest_squared[index] = nearest_squared[index].min(squared);
+            }
+        }
+        self.waiting.clear();
+        for squared in nearest_squared.into_iter().filter(|d| d.is_finite()) {
+            self.tally.push(squared.sqrt());
+        }
+        Ok(())
+    }
+
+    fn targets(&self, rect: &Rect) -> Result<Vec<Local>, JobError> {
+        let mut targets = Vec::new();
+        self.measurement.spill.gather(rect, |record| {
+            if (self.is_target)(record) {
+                let point = Stored::of_record(record);
+                targets.push(self.measurement.quantization.local(point));
+            }
+        })?;
+        Ok(targets)
+    }
+}
+
+/// The bounding rectangle of `points`; `None` if there is none.
+fn bounding_rectangle(points: &[Stored]) -> Option<Rect> {
+    let of_point = |p: &Stored| Rect {
+        min: [p.x.into(), p.y.into()],
+        max: [i64::from(p.x) + 1, i64::from(p.y) + 1],
+    };
+    points.iter().map(of_point).reduce(|a, b| Rect {
+        min: [0, 1].map(|axis| a.min[axis].min(b.min[axis])),
+        max: [0, 1].map(|axis| a.max[axis].max(b.max[axis])),
+    })
+}
+
+/// The distance of two rectangles along the axis on which it is larger, in stored units; 0 if they meet.
+fn gap(a: &Rect, b: &Rect) -> i64 {
+    let along = |axis: usize| (a.min[axis] - b.max[axis]).max(b.min[axis] - a.max[axis]);
+    along(0).max(along(1)).max(0)
+}
