@@ -118,7 +118,7 @@ fn scan_header() -> CloudHeader {
             offset: [431_000.0, 5_400_000.0, 100.0],
         },
         crs: Crs::of_epsg(32_633),
-        kept_records: Vec::new(),
+        carried_records: Vec::new(),
         has_standard_time: false,
         provenance: "simulated".to_owned(),
     }

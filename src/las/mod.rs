@@ -21,7 +21,8 @@ pub use error::LasError;
 pub(crate) use format::{
     crs::Crs,
     display::DisplayAttributes,
-    record::{AveragedField, RealAttribute, RecordView, standard_length},
+    fields::{AveragedField, RealAttribute, standard_length},
+    record::RecordView,
     record_format::RecordFormat,
 };
 pub(crate) use read::{

@@ -148,7 +148,7 @@ fn create_writer(
         record: solver.transfer.record().clone(),
         quantization: solver.plan.quantization,
         crs: survey.crs.clone(),
-        kept_records: survey.kept_records(),
+        carried_records: survey.carried_records(),
         has_standard_time: survey.has_standard_time,
         provenance: provenance(&job.settings, planned),
     };

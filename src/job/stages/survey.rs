@@ -147,9 +147,9 @@ impl Survey {
     }
 
     /// The variable-length records that the output keeps: the first record of each kind.
-    pub(super) fn kept_records(&self) -> Vec<Vlr> {
+    pub(super) fn carried_records(&self) -> Vec<Vlr> {
         let mut kept: Vec<Vlr> = Vec::new();
-        for record in self.inputs.iter().flat_map(|input| &input.kept_records) {
+        for record in self.inputs.iter().flat_map(|input| &input.carried_records) {
             if kept.iter().all(|known| known.record_id != record.record_id) {
                 kept.push(record.clone());
             }

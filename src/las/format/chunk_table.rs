@@ -7,7 +7,7 @@
 //!   table     version (4 bytes), number of chunks (4 bytes), …
 //! ```
 //!
-//! (LASzip's record of the compression: compressor at byte 0, points to a chunk at byte 12,
+//! (The record of the compression, as `LASzip` writes it: compressor at byte 0, points to a chunk at byte 12,
 //! items of a point from byte 32, each of type, length and version.)
 
 use std::{

@@ -7,7 +7,7 @@ use ::las::point::Format;
 
 use super::{
     extra_bytes::ExtraAttribute,
-    record::{COLOR, GPS_TIME, INTENSITY, RETURNS, coordinates, scan_angle_units},
+    fields::{COLOR, GPS_TIME, INTENSITY, RETURNS, coordinates, scan_angle_units},
     record_format::RecordFormat,
 };
 use crate::geometry::Quantization;

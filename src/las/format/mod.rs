@@ -6,6 +6,7 @@ pub(super) mod copc;
 pub(super) mod crs;
 pub(super) mod display;
 pub(super) mod extra_bytes;
+pub(super) mod fields;
 mod geotiff;
 pub(super) mod header;
 pub(super) mod ply;

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     extra_bytes::{ExtraAttribute, REAL_DATA_TYPE, total_length},
-    record::{AveragedField, RealAttribute, standard_length},
+    fields::{AveragedField, RealAttribute, standard_length},
 };
 
 /// The format of all records of a run.

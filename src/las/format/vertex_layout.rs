@@ -5,11 +5,12 @@
 
 use super::{
     extra_bytes::{ExtraAttribute, total_length},
-    ply::{Property, Scalar},
-    record::{
+    fields::{
         CLASSIFICATION, COLOR, COORDINATES, FLAGS, GPS_TIME, INTENSITY, NEAR_INFRARED,
-        POINT_SOURCE, RecordView, SCAN_ANGLE, USER_DATA, standard_length,
+        POINT_SOURCE, SCAN_ANGLE, USER_DATA, standard_length,
     },
+    ply::{Property, Scalar},
+    record::RecordView,
 };
 
 /// The field of the record that a property becomes.

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use super::{
     extra_bytes::{ExtraAttribute, SCALAR_DATA_TYPES},
-    record::{
+    fields::{
         CLASSIFICATION, COLOR, FLAGS, GPS_TIME, INTENSITY, NEAR_INFRARED, POINT_SOURCE, SCAN_ANGLE,
         USER_DATA,
     },

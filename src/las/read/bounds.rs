@@ -3,7 +3,7 @@
 use ::las::Reader;
 
 use super::{guard::guarded, input::InputFile};
-use crate::las::format::record::coordinates;
+use crate::las::format::fields::coordinates;
 
 /// Half a stored unit for the rounding of a coordinate, and one for that of a header which
 /// was written in decimals.

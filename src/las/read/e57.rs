@@ -84,7 +84,7 @@ impl E57File {
         }
     }
 
-    /// Sends all points, or as many as are wanted, to `sender`.
+    /// Sends all points to `sender`, until it is closed.
     fn send(&self, sender: &SyncSender<Result<Vec<Values>, String>>) -> Result<(), String> {
         let broken = |e: e57::Error| format!("is damaged: {e}");
         let mut reader = E57Reader::from_file(&self.path).map_err(broken)?;

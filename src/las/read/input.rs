@@ -43,7 +43,7 @@ pub(crate) struct InputFile {
     pub(crate) extra_bytes: Vec<ExtraAttribute>,
     /// The variable length records that are as true of the output: the names of the classes,
     /// and the text that describes the area.
-    pub(crate) kept_records: Vec<Vlr>,
+    pub(crate) carried_records: Vec<Vlr>,
     /// Whether GPS times are adjusted standard times, not seconds of the week.
     pub(crate) has_standard_time: bool,
     /// The program that wrote the file.

@@ -15,7 +15,7 @@ use crate::las::error::LasError;
 pub(super) fn open_las(path: &Path) -> Result<Reader, LasError> {
     let file = File::open(path).map_err(|e| LasError::unreadable(path, e))?;
     // Parts of files are decoded in parallel, by a reader each: the parallel
-    // decoder keeps whole chunks in memory, and some files are a single one.
+    // decoder needs memory for whole chunks, and some files are a single one.
     let options = ReaderOptions::default().with_laz_parallelism(LazParallelism::No);
     let open = || Reader::with_options(GuardedFile::new(file)?, options);
     match guarded(open) {

@@ -103,7 +103,7 @@ impl InputFile {
             offset,
             crs: None,
             extra_bytes: Vec::new(),
-            kept_records: Vec::new(),
+            carried_records: Vec::new(),
             has_standard_time: header.global_encoding & 1 == 1,
             generating_software: text_of(&header.generating_software),
             notes: Vec::new(),
@@ -119,7 +119,7 @@ impl InputFile {
             vlr.user_id == SPECIFICATION_USER && CARRIED_RECORDS.contains(&vlr.record_id)
         };
         let carried = vlrs.iter().filter(is_carried);
-        self.kept_records = carried.map(|vlr| (*vlr).clone()).collect();
+        self.carried_records = carried.map(|vlr| (*vlr).clone()).collect();
         self.extra_bytes = extra_bytes(vlrs, self.format.extra_bytes.into(), &mut self.notes);
     }
 

@@ -109,7 +109,7 @@ struct Statements {
 }
 
 impl Statements {
-    /// Takes in a line, and returns whether the header goes on after it.
+    /// Takes in a line, and returns whether another line of the header follows.
     fn take(&mut self, line: &str) -> Result<bool, String> {
         if let Some(comment) = line.strip_prefix("comment ") {
             self.take_comment(comment);

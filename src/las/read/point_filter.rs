@@ -59,7 +59,7 @@ impl PointFilter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::las::format::record::{CLASSIFICATION, FLAGS, WITHHELD};
+    use crate::las::format::fields::{CLASSIFICATION, FLAGS, WITHHELD};
 
     fn record(class: u8, flags: u8) -> [u8; 30] {
         let mut record = [0; 30];

@@ -10,7 +10,7 @@ use crate::{
     geometry::Quantization,
     las::{
         error::LasError,
-        format::{conversion::RecordConverter, record::coordinates, record_format::RecordFormat},
+        format::{conversion::RecordConverter, fields::coordinates, record_format::RecordFormat},
     },
 };
 

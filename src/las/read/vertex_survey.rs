@@ -131,7 +131,7 @@ impl InputFile {
             offset: [0, 1, 2].map(|axis| (0.5 * (min[axis] + max[axis])).round()),
             crs: None,
             extra_bytes: layout.extra_bytes.clone(),
-            kept_records: Vec::new(),
+            carried_records: Vec::new(),
             has_standard_time: false,
             generating_software: String::new(),
             notes,

@@ -27,7 +27,7 @@ pub(crate) struct CloudHeader {
     /// The coordinate reference system.
     pub(crate) crs: Option<Crs>,
     /// The variable length records of the inputs that are as true of the output.
-    pub(crate) kept_records: Vec<Vlr>,
+    pub(crate) carried_records: Vec<Vlr>,
     /// Whether GPS times are adjusted standard times.
     pub(crate) has_standard_time: bool,
     /// How the cloud was made, as JSON.

@@ -16,8 +16,8 @@ use crate::{
     las::{
         error::LasError,
         format::{
+            fields::coordinates,
             header::{BOUNDS_START, LEGACY_COUNTS, header_bounds},
-            record::coordinates,
         },
     },
 };

@@ -76,7 +76,7 @@ fn records(header: &CloudHeader) -> Vec<Vlr> {
             data: descriptors,
         });
     }
-    records.extend(header.kept_records.iter().cloned());
+    records.extend(header.carried_records.iter().cloned());
     records.push(Vlr {
         user_id: "lloydar".to_owned(),
         record_id: 1,

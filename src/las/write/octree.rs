@@ -206,7 +206,7 @@ mod tests {
         Octree::around(&bounds, spacing, voxel_bits)
     }
 
-    /// The slow twin goes through all points for each level.
+    /// The slow twin visits all points for each level.
     #[test]
     fn every_voxel_takes_one_of_the_points_that_are_left() {
         let cloud = cloud(3000);

@@ -34,10 +34,11 @@ pub(super) trait CloudBody {
 
 /// What is left to do for a body that is complete.
 pub(super) enum Completion {
-    /// The header is overwritten in these places, which were not known before: offsets in
-    /// the file, and bytes.
+    /// These bytes of the header, which were not known before, are overwritten: the offset of
+    /// the first one in the file, and the bytes.
     File(Vec<(u64, Vec<u8>)>),
-    /// Nothing: the files in the directory are complete, and have this many bytes together.
+    /// Nothing is left to do: the files in the directory are complete, and have this many bytes
+    /// together.
     Directory(u64),
 }
 
