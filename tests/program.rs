@@ -215,6 +215,33 @@ fn wrong_requests_are_answered_with_a_reason_and_a_code() {
 }
 
 #[test]
+fn a_filter_that_leaves_no_point_is_named_with_both_rectangles() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = street(dir.path());
+    let output = dir.path().join("out.laz");
+    let error = |more: &[&str]| {
+        let done = run(&scans, &output, more);
+        assert_eq!(done.status.code(), Some(1), "{more:?}");
+        String::from_utf8_lossy(&done.stderr).into_owned()
+    };
+    let beside = error(&["--spacing", "1", "--bounds", "0,1,10.5,10"]);
+    assert!(
+        beside.contains("--bounds leaves no point of the 300000"),
+        "{beside}"
+    );
+    assert!(beside.contains("covers x 43"), "{beside}");
+    assert!(
+        beside.contains("x 0.000 to 10.500, y 1.000 to 10.000"),
+        "{beside}"
+    );
+    let neither = error(&["--spacing", "1", "--keep-class", "99", "--drop-withheld"]);
+    assert!(
+        neither.contains("--keep-class and --drop-withheld leave no point"),
+        "{neither}"
+    );
+}
+
+#[test]
 fn a_picture_shows_the_street() {
     let dir = tempfile::tempdir().unwrap();
     let scans = street(dir.path());

@@ -232,17 +232,17 @@ mod tests {
     #[test]
     fn blocks_are_found_again_and_the_later_of_two_is_valid() {
         let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("pack");
-        let mut pack = BlockFile::open(&path).unwrap();
-        pack.append(&[(7, b"seven"), (1, b"")]).unwrap();
-        pack.append(&[(7, b"seven again")]).unwrap();
-        pack.flush().unwrap();
+        let path = dir.path().join("file");
+        let mut file = BlockFile::open(&path).unwrap();
+        file.append(&[(7, b"seven"), (1, b"")]).unwrap();
+        file.append(&[(7, b"seven again")]).unwrap();
+        file.flush().unwrap();
         let again = BlockFile::open(&path).unwrap();
-        for pack in [&pack, &again] {
-            assert_eq!(pack.read(7).unwrap(), b"seven again");
-            assert_eq!(pack.read(1).unwrap(), b"");
-            assert!(!pack.contains(2));
-            assert!(pack.read(2).unwrap_err().to_string().contains("pack"));
+        for file in [&file, &again] {
+            assert_eq!(file.read(7).unwrap(), b"seven again");
+            assert_eq!(file.read(1).unwrap(), b"");
+            assert!(!file.contains(2));
+            assert!(file.read(2).unwrap_err().to_string().contains("file"));
         }
         assert_eq!(again.bytes(), std::fs::metadata(&path).unwrap().len());
         assert_eq!(BlockFile::create(&path).unwrap().bytes(), 0);
@@ -251,7 +251,7 @@ mod tests {
     #[test]
     fn other_processes_read_the_complete_blocks() {
         let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("pack");
+        let path = dir.path().join("file");
         let mut own = BlockFile::open(&path).unwrap();
         own.append(&[(1, b"one"), (2, b"two")]).unwrap();
         let complete = own.bytes();
@@ -270,11 +270,11 @@ mod tests {
     #[test]
     fn an_incomplete_last_block_is_cut_off_and_written_again() {
         let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("pack");
-        let mut pack = BlockFile::open(&path).unwrap();
-        pack.append(&[(1, b"one"), (2, b"two")]).unwrap();
-        let before = pack.bytes() as usize;
-        pack.append(&[(2, b"two, once more")]).unwrap();
+        let path = dir.path().join("file");
+        let mut file = BlockFile::open(&path).unwrap();
+        file.append(&[(1, b"one"), (2, b"two")]).unwrap();
+        let before = file.bytes() as usize;
+        file.append(&[(2, b"two, once more")]).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         let mut torn: Vec<Vec<u8>> = (before..bytes.len())
             .map(|at| bytes[..at].to_vec())
@@ -289,18 +289,18 @@ mod tests {
         }
         for content in torn {
             std::fs::write(&path, content).unwrap();
-            let mut pack = BlockFile::open(&path).unwrap();
-            assert_eq!(pack.read(2).unwrap(), b"two");
-            assert_eq!(pack.bytes() as usize, before);
-            pack.append(&[(3, b"three")]).unwrap();
+            let mut file = BlockFile::open(&path).unwrap();
+            assert_eq!(file.read(2).unwrap(), b"two");
+            assert_eq!(file.bytes() as usize, before);
+            file.append(&[(3, b"three")]).unwrap();
             assert_eq!(BlockFile::open(&path).unwrap().read(3).unwrap(), b"three");
         }
         // A changed byte in the middle is reported when its block is read.
         let mut rotten = bytes;
         rotten[33] ^= 1;
         std::fs::write(&path, rotten).unwrap();
-        let pack = BlockFile::open(&path).unwrap();
-        assert!(pack.read(1).unwrap_err().to_string().contains("damaged"));
-        assert_eq!(pack.read(2).unwrap(), b"two, once more");
+        let file = BlockFile::open(&path).unwrap();
+        assert!(file.read(1).unwrap_err().to_string().contains("damaged"));
+        assert_eq!(file.read(2).unwrap(), b"two, once more");
     }
 }

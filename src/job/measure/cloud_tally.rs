@@ -3,34 +3,18 @@
 use super::{
     far_neighbors::FarNeighbors,
     marked_points::{Mark, gather_marked},
+    measurement::Measurement,
 };
 use crate::{
-    geometry::{NeighborGrid, Quantization, Rect, Stored},
+    geometry::{NeighborGrid, Rect, Stored},
     job::JobError,
     lloyd::{Scan, Site, SolverOptions, TileRegion, describe_points, uniformity as tally_sites},
     quality::{DistanceTally, UniformityTally},
-    tile::Spill,
-    tiling::Plan,
 };
 
 /// The reach of a patch through a finished cloud, in spacings: two rings of neighbours,
 /// approximately eighteen points.
 const MEASURED_FIT_RADIUS_IN_SPACINGS: f64 = 2.3;
-
-/// How the parts of a cloud are measured. Lengths are CRS units.
-pub(super) struct Measurement<'a> {
-    /// The points of the cloud and of the scans it is compared with.
-    pub(super) spill: &'a Spill,
-    /// The parts.
-    pub(super) plan: &'a Plan,
-    /// Scale and offset of the points.
-    pub(super) quantization: Quantization,
-    /// The unit of the distances.
-    pub(super) spacing: f64,
-    /// The largest distance at which a part knows the nearest point of the other cloud; `None` if the
-    /// cloud is compared with no scans.
-    pub(super) comparison_reach: Option<f64>,
-}
 
 /// The figures of the parts that have been measured.
 pub(super) struct CloudTally {

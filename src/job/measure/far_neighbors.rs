@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::cloud_tally::Measurement;
+use super::measurement::Measurement;
 use crate::{
     geometry::{Local, NearestPoints, Rect, Stored},
     job::JobError,

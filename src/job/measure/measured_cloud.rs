@@ -10,8 +10,8 @@ use serde::Serialize;
 
 use super::{
     cloud_spacing::estimated_spacing,
-    cloud_tally::Measurement,
     marked_points::{MARKED_BYTES, Mark, MarkedPoints},
+    measurement::Measurement,
     parts::parts,
 };
 use crate::{

@@ -8,6 +8,7 @@ mod cloud_tally;
 mod far_neighbors;
 mod marked_points;
 mod measured_cloud;
+mod measurement;
 mod parts;
 mod surface_distances;
 

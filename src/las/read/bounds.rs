@@ -17,8 +17,7 @@ impl InputFile {
             && !self.can_have_bounds_of(&first)
         {
             self.bounds = self.bounds_of_points(first, reader);
-            let note = "the bounds in its header do not contain its points; the bounds of the \
-                        points are used";
+            let note = "the bounds in its header are not those of its points";
             self.notes.push(note.into());
         }
     }

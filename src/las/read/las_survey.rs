@@ -55,7 +55,7 @@ impl InputFile {
             input.verify_bounds(&mut reader);
         }
         if input.format.has_waveform {
-            let note = "has wave packets, which are not copied to the output";
+            let note = "wave packets are not carried over";
             input.notes.push(note.into());
         }
         input.entry_points = match chunks {
