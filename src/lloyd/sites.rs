@@ -69,7 +69,7 @@ impl<'a> Sites<'a> {
             let moments = step.clip(surface, &mut vicinity);
             let wanted = region.wants(identity);
             let site = wanted.then(|| site(identity, step, moments, &mut vicinity));
-            step.to_centroid(moments, iteration, vicinity);
+            step.step_to_centroid(moments, iteration, vicinity);
             site
         });
         by_identity(sites, |site| site.identity)

@@ -47,6 +47,10 @@ const ELECTED_SHARE: f64 = 0.36;
 const DESCRIBED_SHARE: f64 = 0.48;
 
 /// Runs the paper's Algorithm 1 on `scan`, for the sites of `region`.
+///
+/// # Panics
+///
+/// Never: its monitor does not stop the solver.
 pub fn solve(scan: &Scan, region: &TileRegion, options: &SolverOptions) -> Solution {
     solve_watched(scan, region, options, &|_| ControlFlow::Continue(()))
         .expect("the monitor never stops the solver")

@@ -82,7 +82,7 @@ impl Lattice {
 
     /// Moves `position` within the plane of the lattice to stand straight above or below the
     /// node nearest to it.
-    pub(super) fn to_node(&self, position: Local, spacing: f64) -> Local {
+    pub(super) fn moved_to_node(&self, position: Local, spacing: f64) -> Local {
         let [along, across] = self.nearest_node(position, spacing).way;
         position - (self.axes[0] * along + self.axes[1] * across) * spacing
     }

@@ -68,7 +68,7 @@ impl Nodes {
         let candidates = self.candidates(surface.scan.samples().points());
         let above: Vec<Local> = candidates
             .iter()
-            .map(|own| own.lattice.to_node(own.sample, self.spacing))
+            .map(|own| own.lattice.moved_to_node(own.sample, self.spacing))
             .collect();
         by_block(&above, surface, |samples, own| {
             let candidate = &candidates[own];
@@ -148,7 +148,7 @@ impl Nodes {
         // The patch may be tilted against the lattice: its foot is a little beside the node,
         // and much less so the second time.
         let foot = fit.patch.foot_point(above);
-        let node = candidate.lattice.to_node(foot, self.spacing);
+        let node = candidate.lattice.moved_to_node(foot, self.spacing);
         let position = fit.patch.foot_point(node);
         (fit.is_trusted() && fit.allows(position, surface)).then_some(position)
     }

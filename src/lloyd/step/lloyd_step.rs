@@ -120,7 +120,7 @@ impl Step {
     pub(crate) fn advance(&mut self, iteration: Iteration<'_>, mut vicinity: Vicinity<'_>) {
         if !self.follow(iteration, &mut vicinity) {
             let moments = self.clip(iteration.surface, &mut vicinity);
-            self.to_centroid(moments, iteration, vicinity);
+            self.step_to_centroid(moments, iteration, vicinity);
         }
     }
 
@@ -151,7 +151,7 @@ impl Step {
     }
 
     /// Computes the step to the centroid of the cell that was clipped last, with `moments`.
-    pub(crate) fn to_centroid(
+    pub(crate) fn step_to_centroid(
         &mut self,
         moments: Option<Moments>,
         iteration: Iteration<'_>,
