@@ -3,6 +3,8 @@
 //!
 //! `cargo run --release --no-default-features --example columns`
 
+#![expect(clippy::print_stdout, clippy::print_stderr, reason = "an example prints")]
+
 use std::{error::Error, ops::ControlFlow};
 
 use lloydar::{Options, resample_with_progress};

@@ -2,6 +2,8 @@
 //!
 //! `cargo run --release --no-default-features --example in_memory`
 
+#![expect(clippy::print_stdout, reason = "an example prints")]
+
 use lloydar::{Options, ResampleError, resample};
 
 fn main() -> Result<(), ResampleError> {

@@ -2,6 +2,8 @@
 //!
 //! `cargo run --release --example job_with_progress -- scan.laz even.laz 0.1`
 
+#![expect(clippy::print_stdout, reason = "an example prints")]
+
 use std::{
     error::Error,
     sync::{
