@@ -3,7 +3,11 @@
 //!
 //! `cargo run --release --no-default-features --example columns`
 
-#![expect(clippy::print_stdout, clippy::print_stderr, reason = "an example prints")]
+#![expect(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "an example prints"
+)]
 
 use std::{error::Error, ops::ControlFlow};
 

@@ -227,7 +227,7 @@ impl JobOptions {
     ///
     /// # Errors
     ///
-    /// Those of [`choices_in`].
+    /// The errors of [`choices_in`].
     pub(super) fn choices(&self, file: Option<&Path>) -> Result<Choices, ConfigError> {
         let of_file = match file {
             Some(path) => choices_in(path)?,

@@ -35,7 +35,7 @@ pub enum ResampleError {
         /// The coordinates of that point.
         coordinates: [f64; 3],
     },
-    /// All input points are equal, and a count or a ratio was asked for.
+    /// All input points are equal, and a count or a ratio was requested.
     #[error(
         "all {points} points are equal: there is no spacing between them; give a spacing instead"
     )]
@@ -48,7 +48,7 @@ pub enum ResampleError {
         "spacing {spacing} is too wide for a cloud that is {extent} across: give less than half of that"
     )]
     TooWide {
-        /// The spacing that was asked for.
+        /// The requested spacing.
         spacing: f64,
         /// The longest side of the bounding box of the input.
         extent: f64,
@@ -56,18 +56,18 @@ pub enum ResampleError {
     /// The spacing is less than two steps of the grid that coordinates are rounded to.
     #[error("spacing {spacing} is finer than coordinates on a scale of {scale} can tell: give at least {}", 2.0 * scale)]
     TooFine {
-        /// The spacing that was asked for.
+        /// The requested spacing.
         spacing: f64,
         /// The step of the grid.
         scale: f64,
     },
-    /// More points are asked for than a cloud of this size is given.
+    /// More points are requested than a cloud of this size is given.
     #[error(
         "count {count} is more than {points} points can carry: at most {MAX_SITES_PER_POINT} for each; ask for \
          fewer, or for a spacing"
     )]
     TooMany {
-        /// Number of output points that was asked for.
+        /// The requested number of output points.
         count: u64,
         /// Number of input points.
         points: u64,
@@ -78,14 +78,14 @@ pub enum ResampleError {
          {reached} points; ask for fewer"
     )]
     CannotCarry {
-        /// Number of output points that was asked for.
+        /// The requested number of output points.
         count: u64,
         /// The finest spacing that was tried.
         spacing: f64,
         /// Estimated number of output points at that spacing.
         reached: u64,
     },
-    /// The progress callback asked to stop.
+    /// The progress callback stopped the work.
     #[error("stopped by the caller")]
     Cancelled,
 }

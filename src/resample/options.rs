@@ -90,7 +90,7 @@ impl Options {
     }
 
     /// Sets the width of the widest hole that is closed, 0 for none. By default it is four spacings, or
-    /// four of the input's own where more points are asked for than there are.
+    /// four of the input's own where more points are requested than there are.
     #[must_use]
     pub fn fill(mut self, width: f64) -> Self {
         self.solver.fill = Some(width);

@@ -22,7 +22,7 @@ pub struct Resampled {
     pub curvatures: Vec<f64>,
     /// How evenly the points are spread.
     pub uniformity: Uniformity,
-    /// The spacing of the output: the one that was asked for, or that was found for a count or a ratio.
+    /// The spacing of the output: the requested one, or the one found for a count or a ratio.
     pub spacing: f64,
     pub(super) rings: Rings,
 }

@@ -2,7 +2,7 @@
 //!
 //! The logarithm of the count falls nearly linearly with that of the spacing: by 2 on a plane, by less where
 //! the scan is sparse. So the search is a secant method on logarithms. A quarter of the drawn parts is
-//! tried first; the others are asked only where that quarter comes near the count.
+//! tried first; the others are tried only where that quarter comes near the count.
 
 use super::{
     MAX_SITES_PER_POINT, SpacingError,
@@ -26,7 +26,7 @@ const COUNT_SAMPLE: SampleSize = SampleSize {
     parts: 40.0,
     share: 0.2,
 };
-/// One in this many drawn parts is asked first, and the others only where it comes near the count.
+/// One in this many drawn parts is tried first, and the others only where it comes near the count.
 const FIRST_PART_IN: usize = 4;
 /// Trials with the first parts alone.
 const FIRST_TRIALS: u32 = 3;
@@ -37,7 +37,7 @@ const TOLERANCE: f64 = 0.004;
 /// Error below which the spacing is corrected and not tried again: over so short a way the count is a power
 /// of the spacing.
 const CORRECTABLE: f64 = 0.08;
-/// Error of the first parts below which the next trial asks all.
+/// Error of the first parts below which the next trial is of all parts.
 const NEAR_FOR_FIRST_PARTS: f64 = 0.3;
 /// Error at which the surfaces are said not to carry the count.
 const NOT_CARRIED: f64 = -0.05;
@@ -135,7 +135,7 @@ struct Search<'a, C> {
 #[derive(Clone, Copy)]
 struct Trial {
     log_spacing: f64,
-    /// The logarithm of the estimated count over the one that is asked for.
+    /// The logarithm of the estimated count over the requested one.
     error: f64,
 }
 

@@ -55,13 +55,13 @@ pub(crate) struct CloudInMemory<'a, S> {
     points: Vec<Stored>,
     /// The occupied squares in their order, each with the positions of its points in `points`.
     squares: Vec<([i64; 2], Range<usize>)>,
-    /// Asked before points are gathered; its error ends whatever gathers them.
+    /// Called before points are gathered; its error is returned in their place.
     stop: &'a S,
 }
 
 impl<'a, S> CloudInMemory<'a, S> {
     /// Sorts `points` by the squares of `grid`, or of the first coarser grid that has few enough cells;
-    /// `stop` is asked before points are gathered.
+    /// `stop` is called before points are gathered.
     pub(crate) fn new(points: &[Stored], mut grid: CellGrid, stop: &'a S) -> Self {
         let mut bounds = Bounds::empty();
         points.iter().for_each(|&point| bounds.grow(point));

@@ -174,9 +174,9 @@ mod tests {
                     assert_eq!(coarser.cell(point), cell.parent());
                     let square = CellGrid::square_in_parent(cell, grid.square_in_cell(point));
                     assert_eq!(square, coarser.square_in_cell(point));
-                    let place = grid.square_of(point);
-                    assert_eq!(grid.cell_of_square(place), cell);
-                    assert!(grid.rect_of_square(place).contains(point));
+                    let square = grid.square_of(point);
+                    assert_eq!(grid.cell_of_square(square), cell);
+                    assert!(grid.rect_of_square(square).contains(point));
                 }
             }
         }

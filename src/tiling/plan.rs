@@ -278,12 +278,12 @@ mod tests {
                     }
                 }
             }
-            // Nor is there a place near a square without a home.
+            // Every position near a square has a home, too.
             for &([x, y], _) in &squares {
                 for [dx, dy] in [[-MARGIN, 0], [MARGIN, 0], [0, -MARGIN], [0, MARGIN]] {
                     let corner = [x * 10 + dx, y * 10 + dy];
-                    let place = Rect { min: corner, max: corner.map(|c| c + 1) };
-                    prop_assert_eq!(cores.iter().filter(|c| c.covers(&place)).count(), 1);
+                    let position = Rect { min: corner, max: corner.map(|c| c + 1) };
+                    prop_assert_eq!(cores.iter().filter(|c| c.covers(&position)).count(), 1);
                 }
             }
             for &([x, y], _) in &squares {

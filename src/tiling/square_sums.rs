@@ -174,8 +174,8 @@ pub(super) mod tests {
     /// Sums of `squares`, those of equal index added.
     pub(in crate::tiling) fn counts(squares: &[([i64; 2], u64)], square: i64) -> SquareSums {
         let mut merged = std::collections::BTreeMap::new();
-        for &(place, count) in squares {
-            *merged.entry(place).or_insert(0) += count;
+        for &(index, count) in squares {
+            *merged.entry(index).or_insert(0) += count;
         }
         SquareSums::new(merged.into_iter(), square)
     }

@@ -26,7 +26,7 @@ pub(super) const SITE_CELL_IN_SPACINGS: f64 = 1.6;
 pub(super) struct Lists {
     /// The positions of the sites when the lists were made.
     pub(super) positions: Vec<Local>,
-    /// The same positions by cell.
+    /// The positions of the sites, sorted by cell.
     pub(super) grid: NeighborGrid,
     /// The list of site k is `others[starts[k]..starts[k + 1]]`, nearest first.
     starts: Vec<u32>,
