@@ -12,7 +12,10 @@ use std::{
     },
 };
 
-use lloydar::{Job, Progress, Standing, Unit};
+use lloydar::{
+    Job,
+    progress::{Progress, Standing, Unit},
+};
 
 /// Prints a line whenever another tenth of a stage is done.
 #[derive(Default)]

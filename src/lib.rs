@@ -87,11 +87,17 @@ mod views;
 
 pub use geometry::PatchKind;
 #[cfg(feature = "formats")]
-pub use job::{Job, JobError, Outcome, Progress, Quiet, Standing, Unit};
+pub use job::{Job, JobError, Outcome};
 
 pub use lloyd::{Acceleration, SeedRule};
 pub use quality::Uniformity;
 pub use resample::{Options, ResampleError, Resampled, Ring, resample, resample_with_progress};
+
+/// The reports of a [`Job`] to a listener.
+#[cfg(feature = "formats")]
+pub mod progress {
+    pub use crate::job::{Progress, Quiet, Standing, Unit};
+}
 
 /// What the benches and tests of this crate look at; nothing of it is stable.
 #[cfg(feature = "formats")]
