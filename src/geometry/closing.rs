@@ -22,7 +22,7 @@ impl Cell {
     /// that does not lead to a cell within `radius` (CRS units). The contents of `ring` are
     /// lost.
     ///
-    /// `neighbors` must hold every other site within twice `radius`.
+    /// `neighbors` must contain every other site within twice `radius`.
     pub fn close(
         &mut self,
         patch: &Patch,

@@ -29,7 +29,7 @@ pub(crate) struct NearestPoints<'a> {
 }
 
 impl<'a> NearestPoints<'a> {
-    /// A tree of `points`. Time goes with n log n.
+    /// A tree of `points`, built in O(n log n).
     ///
     /// # Panics
     ///
@@ -94,7 +94,7 @@ impl<'a> NearestPoints<'a> {
         let query = self.tree.query(position.as_ref());
         let found = query.nearest_n::<SquaredEuclidean<f64>>(count).execute();
         let (_, limit) = found.iter().map(|n| entry(n.item)).find(is_wanted)?;
-        // All that are as near, of which the tree found any.
+        // All points that are as near: the tree found any one of them.
         let query = self.tree.query(position.as_ref());
         let ball = query.within::<SquaredEuclidean<f64>>(limit * ROUNDING);
         let as_near = ball.unsorted().execute();
@@ -111,7 +111,7 @@ mod tests {
     use super::*;
     use crate::geometry::spread;
 
-    /// The twin: every point looked at.
+    /// The slow twin examines every point.
     fn by_brute_force(points: &[Local], position: Local, elsewhere: bool) -> Option<(u32, f64)> {
         (0..)
             .zip(points)
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn of_no_points_none_is_nearest() {
+    fn without_points_none_is_nearest() {
         assert_eq!(NearestPoints::new(&[]).nearest(Local::zeros()), None);
     }
 
