@@ -1,6 +1,7 @@
 //! Solve: tiles one after the other, each read from the spill while the one before it is solved.
 
 use std::{
+    ops::ControlFlow,
     sync::atomic::{AtomicU64, Ordering},
     thread,
     time::Instant,
@@ -88,9 +89,14 @@ pub(crate) fn solve_tiles(
             let start = Instant::now();
             let loaded = loaded?;
             let tile = loaded.tile;
-            let (result, mut figures) = run
-                .pool
-                .install(|| solver.solve(loaded, &|share| watch(&tile, share)))?;
+            let watch_tile = |share| {
+                watch(&tile, share);
+                match run.cancel.load(Ordering::Relaxed) {
+                    true => ControlFlow::Break(()),
+                    false => ControlFlow::Continue(()),
+                }
+            };
+            let (result, mut figures) = run.pool.install(|| solver.solve(loaded, &watch_tile))?;
             figures.seconds = start.elapsed().as_secs_f64();
             solved.add(tile.id, &result, &figures)?;
             watch(&tile, 1.0);

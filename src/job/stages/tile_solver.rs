@@ -15,7 +15,7 @@ use crate::{
     las::RecordFormat,
     lloyd::{Scan, Site, Solution, SolverOptions, TileRegion, solve_watched, uniformity},
     quality::{DistanceTally, UniformityTally},
-    tile::{SolvedSite, SolvedTile, Spill},
+    tile::{SolvedSite, SolvedTile, Spill, TileError},
     tiling::{CountedCloud, Tile},
 };
 
@@ -93,15 +93,15 @@ impl TileSolver {
     }
 
     /// Solves a tile. Returns its result, and its figures with a time of zero. `watch` receives the
-    /// share of the work that is done.
+    /// share of the work that is done, and says whether it goes on.
     ///
     /// # Errors
     ///
-    /// [`JobError::Tile`] if the spill cannot be read.
+    /// [`JobError::Tile`] if the spill cannot be read, or if `watch` stops the work.
     pub(crate) fn solve(
         &self,
         loaded: LoadedTile,
-        watch: &dyn Fn(f64),
+        watch: &dyn Fn(f64) -> ControlFlow<()>,
     ) -> Result<(SolvedTile, TileFigures), JobError> {
         let LoadedTile {
             tile,
@@ -112,7 +112,6 @@ impl TileSolver {
         let options = &self.options;
 
         // Solve.
-        watch(0.0);
         let region = TileRegion {
             available: known,
             core: tile.core,
@@ -121,10 +120,9 @@ impl TileSolver {
                 .units(BAND_IN_SPACINGS * options.spacing),
         };
         let solution = solve_watched(&scan, &region, options, &|share| {
-            watch(SOLVER_SHARE * share);
-            ControlFlow::Continue(())
+            watch(SOLVER_SHARE * share)
         })
-        .expect("nothing stops the solver");
+        .map_err(|_| TileError::Cancelled)?;
 
         // Measure, by the scan as it was measured.
         let scan = unsmoothed.unwrap_or(scan);
