@@ -50,6 +50,14 @@
 //! `views` and `picture` draw the result. `ARCHITECTURE.md` has the layers, a glossary and the invariants.
 
 #![cfg_attr(
+    all(feature = "formats", not(feature = "cli")),
+    expect(
+        dead_code,
+        unused_imports,
+        reason = "the program uses more of the job than the library alone"
+    )
+)]
+#![cfg_attr(
     not(feature = "formats"),
     expect(
         dead_code,

@@ -8,12 +8,23 @@ use super::{
     length::Length,
     quantity::{Bytes, Count, Share},
     rectangle::Sides,
-    rules::{ClassRule, ColorRule, Computed, OnBadFile},
+    rules::{ClassRule, ColorRule, Computed},
 };
 use crate::{
     geometry::PatchKind,
     lloyd::{Acceleration, SeedRule},
 };
+
+/// What the job does about an input that cannot be read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum OnBadFile {
+    /// The job fails and names all such inputs.
+    #[default]
+    Stop,
+    /// The job leaves the input out and says so in its report.
+    Skip,
+}
 
 /// Options of a job as written: a configuration file, one field to an option, under the names
 /// of the flags without their dashes. `None` stands for an option that is not given.

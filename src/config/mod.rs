@@ -1,25 +1,36 @@
 //! The options of a job: as written, and as meant.
 //!
-//! [`Choices`] is the form as written, in a TOML file or as flags: every option may be
+//! `Choices` is the form as written, in a TOML file or as flags: every option may be
 //! missing, and lengths may have units of their own. [`Settings`] is the form as meant:
-//! complete, within its ranges, all lengths in CRS units. [`Choices::settings`] leads from
+//! complete, within its ranges, all lengths in CRS units. `Choices::settings` leads from
 //! the one to the other; everything below this module knows settings only.
+//!
+//! Only the program reads choices; the library begins with settings.
 
+#[cfg(feature = "cli")]
 mod choices;
 mod error;
+#[cfg(feature = "cli")]
 mod length;
+#[cfg(feature = "cli")]
 mod meaning;
+#[cfg(feature = "cli")]
 mod quantity;
+#[cfg(feature = "cli")]
 mod rectangle;
 mod rules;
 mod settings;
 
-pub(crate) use choices::Choices;
+#[cfg(feature = "cli")]
+pub(crate) use choices::{Choices, OnBadFile};
 pub(crate) use error::ConfigError;
+#[cfg(feature = "cli")]
 pub(crate) use length::Length;
+#[cfg(feature = "cli")]
 pub(crate) use quantity::{Bytes, Count, Share};
+#[cfg(feature = "cli")]
 pub(crate) use rectangle::Sides;
-pub(crate) use rules::{ClassRule, ColorRule, Computed, OnBadFile};
+pub(crate) use rules::{ClassRule, ColorRule, Computed};
 pub(crate) use settings::{
     AttributeSettings, InputSettings, ResourceSettings, Settings, TilingSettings,
 };

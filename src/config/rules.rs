@@ -2,17 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What the job does about an input that cannot be read.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum OnBadFile {
-    /// The job fails and names all such inputs.
-    #[default]
-    Stop,
-    /// The job leaves the input out and says so in its report.
-    Skip,
-}
-
 /// Where a point of the output takes colour, near infrared and intensity from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

@@ -1,42 +1,42 @@
-//! The shapes that a street is built of: where a ray meets them, and how far a
-//! point is from them. Lengths are metres.
+//! The shapes that a street is built of: where a ray meets them, and their distance from a
+//! point. Lengths are metres.
 
 use crate::geometry::Local;
 
 /// A surface with exact intersections and distances.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Shape {
+pub(super) enum Shape {
     /// A rectangle: a corner and two perpendicular edges.
     Rectangle {
-        /// Corner.
+        /// The corner.
         corner: Local,
-        /// Edges from the corner.
+        /// The two edges from the corner.
         edges: [Local; 2],
     },
     /// The mantle of a cylinder between two points.
     Cylinder {
-        /// Ends of the axis.
+        /// The ends of the axis.
         ends: [Local; 2],
-        /// Radius.
+        /// The radius.
         radius: f64,
     },
-    /// An ellipsoid with axes along the coordinates; one with equal axes is a
-    /// sphere, and its distance is exact (another's is to first order).
+    /// An ellipsoid with axes along the coordinates. Distances from it are exact if it is a
+    /// sphere, and of first order otherwise.
     Ellipsoid {
-        /// Centre.
+        /// The centre.
         center: Local,
-        /// Half axes.
+        /// The half axes.
         axes: Local,
     },
 }
 
-/// Nearer hits than this are the scanner's own housing.
-const NEAREST: f64 = 0.3;
+/// The range (m) below which hits belong to the housing of the scanner.
+const SMALLEST_RANGE: f64 = 0.3;
 
 impl Shape {
-    /// The least distance along the ray at which it meets the shape, and the
-    /// unit normal there.
-    pub(crate) fn hit(&self, origin: Local, direction: Local) -> Option<(f64, Local)> {
+    /// Returns the least distance along the ray at which it meets the shape, and the unit normal
+    /// there.
+    pub(super) fn hit(&self, origin: Local, direction: Local) -> Option<(f64, Local)> {
         match *self {
             Self::Rectangle { corner, edges } => {
                 let normal = edges[0].cross(&edges[1]).normalize();
@@ -45,7 +45,7 @@ impl Shape {
                 let inside = edges
                     .iter()
                     .all(|edge| (0.0..=edge.norm_squared()).contains(&at.dot(edge)));
-                (inside && t > NEAREST && t.is_finite()).then_some((t, normal))
+                (inside && t > SMALLEST_RANGE && t.is_finite()).then_some((t, normal))
             }
             Self::Cylinder { ends, radius } => {
                 let axis = ends[1] - ends[0];
@@ -63,7 +63,7 @@ impl Shape {
                 .find_map(|t| {
                     let at = origin + direction * t - ends[0];
                     let along = axis.dot(&at);
-                    ((0.0..=length).contains(&along) && t > NEAREST)
+                    ((0.0..=length).contains(&along) && t > SMALLEST_RANGE)
                         .then(|| (t, across(at) / radius))
                 })
             }
@@ -73,7 +73,7 @@ impl Shape {
                 roots(d.norm_squared(), d.dot(&o), o.norm_squared() - 1.0)
                     .into_iter()
                     .flatten()
-                    .find(|&t| t > NEAREST)
+                    .find(|&t| t > SMALLEST_RANGE)
                     .map(|t| {
                         let normal = (o + d * t).component_div(&axes);
                         (t, normal.normalize())
@@ -82,8 +82,8 @@ impl Shape {
         }
     }
 
-    /// Distance from `point` to the shape.
-    pub(crate) fn distance(&self, point: Local) -> f64 {
+    /// Returns the distance from `point` to the shape.
+    pub(super) fn distance(&self, point: Local) -> f64 {
         match *self {
             Self::Rectangle { corner, edges } => {
                 let from = point - corner;
@@ -114,8 +114,8 @@ impl Shape {
         }
     }
 
-    /// The box around the shape: min, max.
-    pub(crate) fn bounds(&self) -> (Local, Local) {
+    /// Returns the least and the greatest corner of the bounding box.
+    pub(super) fn bounds(&self) -> (Local, Local) {
         let around = |points: &[Local], margin: f64| {
             let nothing = (
                 Local::repeat(f64::INFINITY),
@@ -137,7 +137,7 @@ impl Shape {
     }
 }
 
-/// The roots of a t² + 2 b t + c, the smaller first.
+/// Returns the roots of a t² + 2 b t + c, the smaller first.
 fn roots(a: f64, b: f64, c: f64) -> [Option<f64>; 2] {
     let discriminant = b * b - a * c;
     // Written so that NaN has no roots.

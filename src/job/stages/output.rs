@@ -71,7 +71,7 @@ pub(crate) fn complete_output(
     run.clock.end_stage("look");
 
     // Sort the points, if the format asks for it, and complete the file.
-    let complete = sort(run, solver.plan.points_out, writer)?;
+    let complete = sort(run, writer)?;
 
     // Check conservation: every site is a point of the output.
     let sites: u64 = tiles.iter().map(|tile| tile.sites).sum();
@@ -169,11 +169,11 @@ fn create_writer(
     )?)
 }
 
-/// Completes the file of `writer`, and reports the stage if that sorts approximately `points`.
-fn sort(run: &RunContext<'_>, points: u64, writer: CloudWriter) -> Result<CompleteCloud, JobError> {
+/// Completes the file of `writer`, and reports the stage if that sorts the points.
+fn sort(run: &RunContext<'_>, writer: CloudWriter) -> Result<CompleteCloud, JobError> {
     let is_sorted = run.job.is_sorted();
     if is_sorted {
-        run.progress.begin("sort", points, 0, Unit::Points);
+        run.progress.begin("sort", writer.points(), 0, Unit::Points);
     }
     let complete = writer.complete(&|points| run.progress.advance(points))?;
     if is_sorted {

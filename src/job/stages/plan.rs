@@ -92,8 +92,11 @@ pub(super) fn plan_tiles(
     // Estimate memory and time.
     let needed = run.budget.needed(plan.most_cost() as f64);
     run.progress.note(&format!(
-        "{} tiles; memory up to {} of {}, temporary files up to {}",
-        plan.tiles.len(),
+        "{}; memory up to {} of {}, temporary files up to {}",
+        match plan.tiles.len() {
+            1 => "1 tile".to_owned(),
+            tiles => format!("{tiles} tiles"),
+        },
         mebibytes(needed),
         mebibytes(run.budget.total),
         mebibytes(spill.bytes() + solved)

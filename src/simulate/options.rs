@@ -1,0 +1,30 @@
+//! The options of a simulated street.
+
+use serde::{Deserialize, Serialize};
+
+/// The street to simulate, and how it is scanned.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StreetOptions {
+    /// The length of the street (m).
+    pub length: f64,
+    /// The number of times that the vehicle drives down the street.
+    pub passes: u32,
+    /// The number of points of all passes together.
+    pub points: u64,
+    /// The standard deviation of the ranges (m). No error exceeds three standard deviations.
+    pub noise: f64,
+    /// The seed of the street and of the noise.
+    pub seed: u64,
+}
+
+impl Default for StreetOptions {
+    fn default() -> Self {
+        Self {
+            length: 120.0,
+            passes: 2,
+            points: 2_000_000,
+            noise: 0.01,
+            seed: 1,
+        }
+    }
+}
