@@ -26,7 +26,7 @@ pub(super) struct Arguments {
 /// What is to be done.
 #[derive(Subcommand)]
 pub(super) enum Command {
-    /// Resample scans: the whole job; a job that was stopped goes on
+    /// Resample scans: the whole job; a job that was stopped is continued
     Run {
         #[command(flatten)]
         scans: Scans,
@@ -133,7 +133,7 @@ pub(super) enum Command {
         #[arg(short, long, value_name = "DIR", default_value = "street")]
         output: PathBuf,
     },
-    /// Print the options of a job as a TOML file, each with where it comes from
+    /// Print the options of a job as a TOML file, each with the origin of its value
     Config {
         /// Options from a TOML file; flags win
         #[arg(long, value_name = "FILE")]

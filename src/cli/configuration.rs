@@ -1,4 +1,4 @@
-//! `config`: the options of a job, each with where its value comes from.
+//! `config`: the options of a job, each with the origin of its value.
 
 use std::path::Path;
 

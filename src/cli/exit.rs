@@ -2,7 +2,7 @@
 
 use crate::job::JobError;
 
-/// All that was asked for is done.
+/// Everything that was requested is done.
 pub(super) const DONE: u8 = 0;
 /// Something failed; a message says what.
 pub(super) const FAILED: u8 = 1;

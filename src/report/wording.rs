@@ -31,7 +31,7 @@ pub(super) fn setting(name: &str, value: &str) -> [String; 2] {
     [title, words]
 }
 
-/// Returns what holds for a setting that is not given.
+/// Returns the meaning of a setting that is not given.
 fn default_of(name: &str) -> &'static str {
     match name {
         "memory" => "¾ of what the cgroup or machine allows",

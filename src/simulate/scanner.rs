@@ -1,4 +1,4 @@
-//! A vehicle drives down the street with two profile scanners, one of which looks half left and
+//! A vehicle drives down the street with two profile scanners, one of which faces half left and
 //! one half right. They give lines of points, as in mobile mapping.
 
 use std::f64::consts::{FRAC_PI_4, TAU};

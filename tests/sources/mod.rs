@@ -206,5 +206,7 @@ fn inline_paths(code: &str) -> Vec<Vec<String>> {
             let end = path.find(|c| !is_of_path(c)).unwrap_or(path.len());
             path[..end].split("::").map(str::to_owned).collect()
         })
+        // `crate::{` begins the tree of a `use`.
+        .filter(|path: &Vec<String>| path.last().is_some_and(|part| !part.is_empty()))
         .collect()
 }
