@@ -1,8 +1,8 @@
 //! The program: its commands, and what they print.
 //!
-//! [`arguments`] has the commands as typed; [`dispatch`](fn@dispatch) says which file carries out
-//! which. Results go to standard output ([`printing`]), progress to standard error
-//! ([`terminal`]); exit codes stand in [`exit`].
+//! `arguments` has the commands as typed; `dispatch` says which file carries out
+//! which. Results go to standard output (`printing`), progress to standard error
+//! (`terminal`); exit codes stand in `exit`.
 
 mod allocator;
 mod arguments;

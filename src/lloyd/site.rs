@@ -32,7 +32,7 @@ pub struct Site {
     /// Energy of the cell (paper, equation 2); 0 without a cell.
     pub energy: f64,
     /// Distance to the nearest other site; infinite beyond
-    /// [`FARTHEST_NEIGHBOR_IN_SPACINGS`].
+    /// `FARTHEST_NEIGHBOR_IN_SPACINGS`.
     pub nearest: f64,
 }
 
