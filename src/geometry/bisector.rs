@@ -21,6 +21,7 @@ pub struct Neighbor {
 
 impl Neighbor {
     /// The site `index` at `position` as a neighbour of `site`.
+    #[inline]
     pub(crate) fn new(site: Local, index: u32, position: Local) -> Self {
         Self {
             distance_squared: (position - site).norm_squared(),
@@ -60,12 +61,14 @@ impl Bisector {
 
     /// A measure that is positive beyond the plane, for a `position` in the patch's frame, seen
     /// from the site.
+    #[inline]
     pub(super) fn beyond(&self, position: Local) -> f64 {
         position.dot(&self.direction) - self.half
     }
 
     /// The derivatives of [`beyond`](Self::beyond) along `u` and `v` on a surface of the given
     /// slopes.
+    #[inline]
     fn slopes_on(&self, [p, q]: [f64; 2]) -> [f64; 2] {
         [
             self.direction.x + p * self.direction.z,
@@ -76,6 +79,7 @@ impl Bisector {
 
 /// The position on the surface where two planes meet, by Newton's steps from the site's foot;
 /// `None` if they do not converge. `radius` (CRS units) is the size of a cell.
+#[inline]
 pub(super) fn meeting(
     one: &Bisector,
     other: &Bisector,
@@ -100,6 +104,7 @@ pub(super) fn meeting(
 }
 
 /// The point of the surface over `(u, v)`.
+#[inline]
 pub(super) fn lift(surface: &Heights, u: f64, v: f64) -> Local {
     Local::new(u, v, surface.at(u, v))
 }

@@ -218,11 +218,13 @@ impl Cell {
         true
     }
 
+    #[inline]
     fn corners(&self) -> &[Corner] {
         &self.polygons[self.current][..self.count]
     }
 
     /// The sides of the polygon, from corner to corner, seen from the site.
+    #[inline]
     pub(super) fn sides(&self) -> impl Iterator<Item = (Local, Local)> + '_ {
         let corners = self.corners();
         corners.iter().enumerate().map(move |(k, corner)| {
@@ -231,6 +233,7 @@ impl Cell {
         })
     }
 
+    #[inline]
     fn farthest_squared(&self) -> f64 {
         self.corners()
             .iter()
@@ -240,11 +243,13 @@ impl Cell {
 
     /// Square of the security radius: no site farther away than this can cut
     /// the cell as it is.
+    #[inline]
     pub(crate) fn security_squared(&self) -> f64 {
         4.0 * self.farthest_squared()
     }
 
     /// Whether neighbours bound the cell all around: no edge is the bounding polygon's.
+    #[inline]
     pub(crate) fn is_closed(&self) -> bool {
         self.count >= 3 && self.corners().iter().all(|c| c.edge != RIM)
     }
@@ -273,6 +278,7 @@ impl Cell {
 
     /// The edges that lie on bisectors: the neighbour, and both ends in the frame of the patch,
     /// seen from the site.
+    #[inline]
     pub(super) fn edges(&self) -> impl Iterator<Item = (u32, Local, Local)> + '_ {
         let edges = self.corners().iter().map(|corner| corner.edge);
         edges

@@ -9,6 +9,7 @@ use super::Local;
 pub(crate) type CellIndex = [i32; 3];
 
 /// The index of the cell of edge `edge` (CRS units) that contains `point`.
+#[inline]
 pub(crate) fn cell_of(point: Local, edge: f64) -> CellIndex {
     let cells_per_unit = 1.0 / edge;
     [point.x, point.y, point.z].map(|c| {
@@ -28,6 +29,7 @@ pub(super) const CELL_BITS: u32 = 3 * BRICK_SHIFT;
 pub(super) const CELL_MASK: i32 = (1 << BRICK_SHIFT) - 1;
 
 /// The number of the bit that stands for a cell in the word of its brick.
+#[inline]
 pub(super) fn bit_of(index: CellIndex) -> u32 {
     let [x, y, z] = index.map(|c| (c & CELL_MASK) as u32);
     x | y << BRICK_SHIFT | z << (2 * BRICK_SHIFT)
@@ -35,6 +37,7 @@ pub(super) fn bit_of(index: CellIndex) -> u32 {
 
 /// A word of four groups of `size` bits each, in which the groups from `first` to `last` are
 /// set.
+#[inline]
 pub(super) fn bits([first, last]: [u32; 2], size: u32) -> u64 {
     let up_to = |groups: u32| u64::MAX.checked_shr(64 - groups * size).unwrap_or(0);
     up_to(last + 1) & !up_to(first)

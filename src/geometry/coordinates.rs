@@ -47,6 +47,7 @@ pub struct Quantization {
 
 impl Quantization {
     /// World coordinates of `point`.
+    #[inline]
     pub(crate) fn world(&self, point: Stored) -> [f64; 3] {
         let [x, y, z] = [point.x, point.y, point.z].map(|c| f64::from(c) * self.scale);
         [self.offset[0] + x, self.offset[1] + y, self.offset[2] + z]
@@ -88,6 +89,7 @@ impl Quantization {
     }
 
     /// World coordinates of `local`.
+    #[inline]
     pub(crate) fn world_of_local(&self, local: Local) -> [f64; 3] {
         [0, 1, 2].map(|axis| self.offset[axis] + local[axis])
     }
@@ -97,6 +99,7 @@ impl Quantization {
     pub(crate) const WIDEST: f64 = 0.45 * 4_294_967_296.0;
 
     /// Local coordinates of `point`.
+    #[inline]
     pub fn local(&self, point: Stored) -> Local {
         Local::new(
             f64::from(point.x) * self.scale,
@@ -107,6 +110,7 @@ impl Quantization {
 
     /// The stored point nearest to `local`, halves away from zero; `None` if
     /// it is not finite or beyond the range of `i32`.
+    #[inline]
     pub fn stored(&self, local: Local) -> Option<Stored> {
         Some(Stored {
             x: round(local.x / self.scale)?,
@@ -160,17 +164,20 @@ pub struct Rect {
 
 impl Rect {
     /// Whether `point` lies inside, seen from above.
+    #[inline]
     pub fn contains(&self, point: Stored) -> bool {
         let (x, y) = (i64::from(point.x), i64::from(point.y));
         self.min[0] <= x && x < self.max[0] && self.min[1] <= y && y < self.max[1]
     }
 
     /// Whether the two share a point.
+    #[inline]
     pub(crate) fn intersects(&self, other: &Self) -> bool {
         (0..2).all(|axis| self.min[axis] < other.max[axis] && other.min[axis] < self.max[axis])
     }
 
     /// Whether all of `other` lies inside.
+    #[inline]
     pub(crate) fn covers(&self, other: &Self) -> bool {
         (0..2).all(|axis| self.min[axis] <= other.min[axis] && other.max[axis] <= self.max[axis])
     }
@@ -186,6 +193,7 @@ impl Rect {
     /// Distance from `point` to the border, in stored units, seen from above:
     /// positive inside, negative outside (there measured along the worse
     /// axis).
+    #[inline]
     pub(crate) fn depth(&self, point: Stored) -> i64 {
         let (x, y) = (i64::from(point.x), i64::from(point.y));
         (x - self.min[0])

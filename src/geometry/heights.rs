@@ -16,17 +16,20 @@ pub(super) struct Heights {
 
 impl Heights {
     /// The height `w` over `(u, v)`.
+    #[inline]
     pub(super) fn at(&self, u: f64, v: f64) -> f64 {
         self.h + u * (self.p + 0.5 * self.a * u + self.b * v) + v * (self.q + 0.5 * self.c * v)
     }
 
     /// The quadratic term over a way of `(u, v)`: at the share t of the way the chord lies
     /// t (1 − t) times this above the surface.
+    #[inline]
     pub(super) fn quadratic_term(&self, u: f64, v: f64) -> f64 {
         0.5 * (self.a * u * u + 2.0 * self.b * u * v + self.c * v * v)
     }
 
     /// The derivatives along `u` and `v` over `(u, v)`.
+    #[inline]
     pub(super) fn slopes(&self, u: f64, v: f64) -> [f64; 2] {
         [
             self.p + self.a * u + self.b * v,
@@ -35,6 +38,7 @@ impl Heights {
     }
 
     /// The heights of this surface in a frame moved to the origin `(u, v, w)`.
+    #[inline]
     pub(super) fn seen_from(&self, [u, v, w]: [f64; 3]) -> Self {
         let h = self.at(u, v) - w;
         let [p, q] = self.slopes(u, v);
@@ -43,6 +47,7 @@ impl Heights {
 
     /// Bound on the quadratic term over a way of `length` (CRS units): four times the largest
     /// sagitta.
+    #[inline]
     pub(super) fn max_quadratic_term(&self, length: f64) -> f64 {
         let Self { a, b, c, .. } = *self;
         let curvature = a * a + 2.0 * b * b + c * c;

@@ -28,6 +28,7 @@ impl<'a> Lanes<'a> {
 impl Iterator for Lanes<'_> {
     type Item = [[f64; LANES]; 3];
 
+    #[inline]
     fn next(&mut self) -> Option<Self::Item> {
         let mut lanes = [[2.0; LANES]; 3];
         for (k, point) in self.rest.next()?.iter().enumerate() {
@@ -41,12 +42,14 @@ impl Iterator for Lanes<'_> {
 }
 
 /// The weight of a neighbour at (x, y, z), seen from the seed, in units of the radius.
+#[inline]
 pub(super) fn weight(x: f64, y: f64, z: f64) -> f64 {
     let w = (1.0 - (x * x + y * y + z * z)).max(0.0);
     w * w
 }
 
 /// The sum over the lanes.
+#[inline]
 pub(super) fn added(lanes: [f64; LANES]) -> f64 {
     (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
 }

@@ -24,11 +24,13 @@ impl Packing {
     }
 
     /// Number of bits of a cell: 102 at most.
+    #[inline]
     pub(super) fn cell_bits(&self) -> u32 {
         self.bits.iter().sum::<u32>() + CELL_BITS
     }
 
     /// The integer of the cell `index`.
+    #[inline]
     pub(super) fn cell(&self, index: CellIndex) -> u128 {
         let mut packed = 0;
         for axis in [2, 1, 0] {
@@ -39,6 +41,7 @@ impl Packing {
     }
 
     /// The index of the brick whose cells begin with `packed`.
+    #[inline]
     pub(super) fn brick(&self, mut packed: u128) -> CellIndex {
         [0, 1, 2].map(|axis| {
             let index = packed & ((1 << self.bits[axis]) - 1);

@@ -73,28 +73,33 @@ impl Patch {
     }
 
     /// `[u, v, w]` of `point` in the patch's frame.
+    #[inline]
     pub(crate) fn coordinates(&self, point: Local) -> [f64; 3] {
         let d = point - self.origin;
         self.axes.map(|axis| axis.dot(&d))
     }
 
     /// The height `w` over `(u, v)`.
+    #[inline]
     pub(crate) fn height(&self, u: f64, v: f64) -> f64 {
         self.heights.at(u, v)
     }
 
     /// The heights over the patch's plane, seen from `position`.
+    #[inline]
     pub(super) fn heights_from(&self, position: Local) -> Heights {
         self.heights.seen_from(self.coordinates(position))
     }
 
     /// Bound on the quadratic term of the heights over a way of `length` (CRS units): four
     /// times the largest distance of a chord from the patch.
+    #[inline]
     pub(crate) fn max_quadratic_term(&self, length: f64) -> f64 {
         self.heights.max_quadratic_term(length)
     }
 
     /// The point of the patch over `(u, v)`.
+    #[inline]
     pub(crate) fn point(&self, u: f64, v: f64) -> Local {
         self.origin + self.axes[0] * u + self.axes[1] * v + self.axes[2] * self.height(u, v)
     }
@@ -107,6 +112,7 @@ impl Patch {
     }
 
     /// The unit normal at the origin, of either sign.
+    #[inline]
     pub(crate) fn normal(&self) -> Local {
         let Heights { p, q, .. } = self.heights;
         (self.axes[2] - self.axes[0] * p - self.axes[1] * q).normalize()

@@ -11,16 +11,19 @@ pub(super) struct Surface<'a> {
 }
 
 impl<'a> Surface<'a> {
+    #[inline]
     pub(super) fn new(scan: &'a Scan, options: &'a SolverOptions) -> Self {
         Self { scan, options }
     }
 
     /// The spacing of the output (CRS units).
+    #[inline]
     pub(super) fn spacing(&self) -> f64 {
         self.options.spacing
     }
 
     /// The quantization of the run.
+    #[inline]
     pub(super) fn quantization(&self) -> &'a Quantization {
         self.scan.quantization()
     }

@@ -115,11 +115,14 @@ impl SpillAppender {
             let cell = self.cell_in_this_grid(cell, batch.grid);
             let counts = self.index.counts.entry(cell);
             let counts = counts.or_insert_with(|| Box::new([0; _]));
+            // Copies that stay in registers over the records of a cell.
+            let (grid, mut bounds) = (self.index.grid, self.index.bounds);
             for record in records.chunks_exact(length) {
                 let point = Stored::of_record(record);
-                counts[self.index.grid.square_in_cell(point)] += 1;
-                self.index.bounds.grow(point);
+                counts[grid.square_in_cell(point)] += 1;
+                bounds.grow(point);
             }
+            self.index.bounds = bounds;
             self.buffer(cell, records)?;
             while self.index.has_too_many_cells() {
                 self.flush_all()?;
@@ -178,12 +181,16 @@ impl SpillAppender {
 
     /// Flushes the fullest buffer; of equally full buffers, that of the first cell.
     fn flush_fullest(&mut self) -> Result<(), TileError> {
-        let fullest = self
-            .buffers
-            .iter()
-            .max_by_key(|(cell, records)| (records.len(), std::cmp::Reverse(**cell)))
-            .map(|(&cell, _)| cell);
-        fullest.map_or(Ok(()), |cell| self.flush(cell))
+        // A loop of comparisons: as `max_by_key` it took a seventh of the time of a scatter.
+        let mut fullest: Option<(usize, CellKey)> = None;
+        for (&cell, records) in &self.buffers {
+            let length = records.len();
+            let is_fuller = |(most, first)| length > most || length == most && cell < first;
+            if fullest.is_none_or(is_fuller) {
+                fullest = Some((length, cell));
+            }
+        }
+        fullest.map_or(Ok(()), |(_, cell)| self.flush(cell))
     }
 
     /// Writes the buffer of `cell` to the file.

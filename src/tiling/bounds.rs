@@ -21,6 +21,7 @@ impl Bounds {
     }
 
     /// Extends the box to `point`.
+    #[inline]
     pub(crate) fn grow(&mut self, point: Stored) {
         let point = [point.x, point.y, point.z];
         self.join(&Self {
@@ -30,6 +31,7 @@ impl Bounds {
     }
 
     /// Extends the box to that of other points.
+    #[inline]
     pub(crate) fn join(&mut self, other: &Self) {
         for axis in 0..3 {
             self.min[axis] = self.min[axis].min(other.min[axis]);

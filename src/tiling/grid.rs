@@ -27,6 +27,7 @@ pub(crate) struct CellKey {
 
 impl CellKey {
     /// The cell that contains this one in the grid that is twice as coarse.
+    #[inline]
     pub(crate) fn parent(self) -> Self {
         Self {
             row: self.row.div_euclid(2),
@@ -86,16 +87,19 @@ impl CellGrid {
     }
 
     /// Edge of a cell in stored units.
+    #[inline]
     pub(crate) fn edge(&self) -> i64 {
         self.edge
     }
 
     /// Edge of a counting square in stored units.
+    #[inline]
     pub(crate) fn square(&self) -> i64 {
         self.edge / SQUARES_PER_CELL_EDGE
     }
 
     /// The cell that contains `point`.
+    #[inline]
     pub(crate) fn cell(&self, point: Stored) -> CellKey {
         let index = |c: i32| i64::from(c).div_euclid(self.edge) as i32;
         CellKey {
@@ -105,12 +109,14 @@ impl CellGrid {
     }
 
     /// The index of the counting square of `point` within its cell, row by row.
+    #[inline]
     pub(crate) fn square_in_cell(&self, point: Stored) -> usize {
         let index = |c: i32| i64::from(c).rem_euclid(self.edge) / self.square();
         (index(point.y) * SQUARES_PER_CELL_EDGE + index(point.x)) as usize
     }
 
     /// The index of the counting square of `point`: its south-west corner in units of squares.
+    #[inline]
     pub(crate) fn square_of(&self, point: Stored) -> [i64; 2] {
         [point.x, point.y].map(|c| i64::from(c).div_euclid(self.square()))
     }

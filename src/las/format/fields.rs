@@ -70,10 +70,13 @@ pub(in crate::las) fn scan_angle_units(degrees: f64) -> i16 {
 /// The coordinates at the beginning of a record of any point format, in its own stored units.
 #[inline]
 pub(in crate::las) fn coordinates(record: &[u8]) -> [i32; 3] {
-    [0, 1, 2].map(|axis| {
-        let at = COORDINATES.start + 4 * axis;
-        i32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]])
-    })
+    // One check of the length, where twelve would be made byte by byte.
+    let bytes: &[u8; COORDINATES.end] = record
+        .first_chunk()
+        .expect("a record begins with coordinates");
+    let coordinate =
+        |at: usize| i32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
+    [coordinate(0), coordinate(4), coordinate(8)]
 }
 
 /// A field of 16 bits that can be averaged over several records.

@@ -130,6 +130,7 @@ impl Scan {
     }
 
     /// Whether there is a point in the voxel of `position`.
+    #[inline]
     pub(crate) fn is_occupied(&self, position: Local) -> bool {
         self.voxels
             .index_of(cell_of(position, self.voxel))
@@ -137,21 +138,25 @@ impl Scan {
     }
 
     /// The points, sorted by voxel.
+    #[inline]
     pub(crate) fn points(&self) -> &[Stored] {
         &self.points
     }
 
     /// The quantization of the run.
+    #[inline]
     pub fn quantization(&self) -> &Quantization {
         &self.quantization
     }
 
     /// The samples: one to an occupied voxel, the mean of its points.
+    #[inline]
     pub fn samples(&self) -> &NeighborGrid {
         &self.samples
     }
 
     /// Number of points in the voxel of sample `index`; 0 for the filling.
+    #[inline]
     pub fn count(&self, index: u32) -> u32 {
         self.counts[index as usize]
     }

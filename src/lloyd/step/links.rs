@@ -24,6 +24,7 @@ impl Links {
     }
 
     /// The linked sites.
+    #[inline]
     pub(crate) fn sites(&self) -> impl Iterator<Item = u32> {
         self.0.iter().copied().take_while(|&link| link != NO_LINK)
     }

@@ -60,11 +60,13 @@ impl Neighborhoods {
     }
 
     /// The positions of the sites.
+    #[inline]
     pub(crate) fn positions(&self) -> &[Local] {
         &self.positions
     }
 
     /// The spacing of the run (CRS units).
+    #[inline]
     pub(crate) fn spacing(&self) -> f64 {
         self.spacing
     }
@@ -121,11 +123,13 @@ impl Neighborhoods {
     }
 
     /// The last move of `site` (CRS units).
+    #[inline]
     pub(crate) fn last_move(&self, site: usize) -> Local {
         self.moves[site]
     }
 
     /// The length of the last move of `site` (spacings).
+    #[inline]
     pub(crate) fn length_of_move(&self, site: usize) -> f32 {
         self.lengths[site]
     }
@@ -186,6 +190,7 @@ impl Neighborhoods {
     }
 
     /// Site `other` as a neighbour of `site`.
+    #[inline]
     pub(crate) fn neighbor(&self, site: usize, other: u32) -> Neighbor {
         Neighbor::new(self.positions[site], other, self.positions[other as usize])
     }
