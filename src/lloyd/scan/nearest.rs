@@ -129,34 +129,7 @@ impl Scan {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::{
-        geometry::{Quantization, spread},
-        lloyd::SolverOptions,
-    };
-
-    fn scan(points: Vec<Stored>) -> Scan {
-        let quantization = Quantization {
-            scale: 0.001,
-            offset: [0.0; 3],
-        };
-        let options = SolverOptions {
-            seed: 1,
-            ..SolverOptions::new(0.3)
-        };
-        Scan::as_scanned(points, quantization, &options)
-    }
-
-    fn cloud(n: u64) -> Vec<Stored> {
-        let coordinate = |k: u64| (spread(k) % 2000) as i32 - 1000;
-        (0..n)
-            .map(|i| Stored {
-                x: coordinate(3 * i),
-                y: coordinate(3 * i + 1),
-                z: coordinate(3 * i + 2) / 10,
-            })
-            .collect()
-    }
+    use crate::lloyd::scan::points::tests::{cloud, scan};
 
     #[test]
     fn the_nearest_point_matches_brute_force() {

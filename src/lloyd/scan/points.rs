@@ -193,11 +193,12 @@ pub(super) fn voxel_edge(quantization: &Quantization, options: &SolverOptions) -
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::geometry::spread;
 
-    fn scan(points: Vec<Stored>) -> Scan {
+    /// The scan of `points` at a scale of a millimetre, for a spacing of 0.3.
+    pub(in crate::lloyd::scan) fn scan(points: Vec<Stored>) -> Scan {
         let quantization = Quantization {
             scale: 0.001,
             offset: [0.0; 3],
@@ -209,7 +210,8 @@ mod tests {
         Scan::as_scanned(points, quantization, &options)
     }
 
-    fn cloud(n: u64) -> Vec<Stored> {
+    /// `n` scattered points in a box of 2 × 2 × 0.2 at a scale of a millimetre.
+    pub(in crate::lloyd::scan) fn cloud(n: u64) -> Vec<Stored> {
         let coordinate = |k: u64| (spread(k) % 2000) as i32 - 1000;
         (0..n)
             .map(|i| Stored {

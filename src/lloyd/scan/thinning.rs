@@ -67,18 +67,7 @@ impl Scan {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::spread;
-
-    fn cloud(n: u64) -> Vec<Stored> {
-        let coordinate = |k: u64| (spread(k) % 2000) as i32 - 1000;
-        (0..n)
-            .map(|i| Stored {
-                x: coordinate(3 * i),
-                y: coordinate(3 * i + 1),
-                z: coordinate(3 * i + 2) / 10,
-            })
-            .collect()
-    }
+    use crate::lloyd::scan::points::tests::cloud;
 
     #[test]
     fn points_thinned_part_by_part_are_those_thinned_at_once() {
