@@ -6,6 +6,8 @@
 
 mod sample;
 mod search;
+#[cfg(test)]
+mod tests;
 
 use serde::{Deserialize, Serialize};
 

@@ -11,15 +11,19 @@ use rayon::prelude::*;
 use crate::{
     geometry::{OccupiedCells, Quantization, Stored, cell_of},
     lloyd::{Scan, SolverOptions, elected_in},
-    tiling::{CountedCloud, Plan, PlanOptions, Tile},
+    tiling::{CountedCloud, Plan, PlanOptions, Square, Tile},
 };
 
 /// Approximate number of seeds in a part: the part sees a third of them again around itself.
 const SEEDS_PER_PART: f64 = 1_500.0;
 /// The least and the largest number of points in a part.
 const POINTS_PER_PART: [f64; 2] = [22_500.0, 1_000_000.0];
+/// Points of a square count as far as they are this many times what a scan keeps of a plane. Were all counted,
+/// the parts of a very dense cloud would be narrower than what they see around them, and each would read what
+/// all others do.
+const MOST_COUNTED_IN_KEPT: f64 = 8.0;
 /// Points of a part beyond which they are thinned while they are gathered.
-const PART_THINNING_LIMIT: u64 = 2 * POINTS_PER_PART[1] as u64;
+const PART_THINNING_LIMIT: u64 = 500_000;
 /// Points of all parts that are in memory at a time.
 const POINTS_IN_MEMORY: u64 = 1_000_000;
 /// Parts whose voxels are counted even if their points are more than the caller's limit.
@@ -65,21 +69,21 @@ pub(super) struct Parts<'a, C> {
     cloud: &'a C,
     quantization: &'a Quantization,
     halo: i64,
-    /// Counted parts, each with the number of voxels that its points occupy.
+    /// Parts, each with the number of voxels that its points occupy.
     parts: Vec<(Tile, u64)>,
-    /// Points of the cloud for each point of the counted parts.
+    /// Points of the cloud for each point of the parts.
     points_per_counted_point: f64,
 }
 
 impl<'a, C: CountedCloud> Parts<'a, C> {
-    /// Cuts `cloud` into parts and counts the voxels, of edge `options.spacing`, of every n-th, such that
-    /// the counted parts contain approximately `max_points` points.
-    pub(super) fn count(
+    /// Cuts `cloud` into parts for `options`, and takes every n-th, such that these contain approximately
+    /// `max_points` points. Their voxels are not counted: parts count alike.
+    pub(super) fn cut(
         cloud: &'a C,
         quantization: &'a Quantization,
         options: &SolverOptions,
         max_points: u64,
-    ) -> Result<Self, C::Error> {
+    ) -> Self {
         let halo = quantization.units(PART_HALO_IN_SPACINGS * options.spacing);
         let [least, most] = POINTS_PER_PART;
         let plan = PlanOptions {
@@ -88,23 +92,46 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
             tile_edge: None,
             most_cost: (SEEDS_PER_PART / options.seeds_per_point).clamp(least, most) as u64,
         };
-        let tiles = Plan::by_points(cloud.squares(), cloud.square_edge(), &plan).tiles;
+        let edge = cloud.square_edge();
+        let width = edge as f64 * quantization.scale;
+        let kept = Scan::most_on_square(width, quantization, options);
+        let most = (MOST_COUNTED_IN_KEPT * kept).ceil() as u64;
+        let squares = cloud.squares().map(|(index, points)| Square {
+            index,
+            points,
+            cost: points.min(most),
+        });
+        let tiles = Plan::make(&squares.collect::<Vec<_>>(), edge, &plan).tiles;
         let step = cloud.points().div_ceil(max_points) as usize;
         let step = step.min(tiles.len() / MIN_COUNTED_PARTS).max(1);
-        let tiles: Vec<Tile> = tiles.into_iter().step_by(step).collect();
-        let voxels = by_tile(&tiles, |tile| {
-            let points = cloud.gather(&tile.core, quantization, options, PART_THINNING_LIMIT)?;
-            let voxel = |&point: &Stored| cell_of(quantization.local(point), options.spacing);
-            Ok(OccupiedCells::sort(&points, voxel).0.len() as u64)
-        })?;
-        let points: u64 = tiles.iter().map(|tile| tile.points_core).sum();
-        Ok(Self {
+        let parts: Vec<(Tile, u64)> = tiles.into_iter().step_by(step).map(|t| (t, 1)).collect();
+        let points: u64 = parts.iter().map(|(tile, _)| tile.points_core).sum();
+        Self {
             cloud,
             quantization,
             halo,
-            parts: tiles.into_iter().zip(voxels).collect(),
+            parts,
             points_per_counted_point: cloud.points() as f64 / points.max(1) as f64,
-        })
+        }
+    }
+
+    /// Counts the voxels, of edge `options.spacing`, that the points of each part occupy.
+    pub(super) fn count_voxels(&mut self, options: &SolverOptions) -> Result<(), C::Error> {
+        let tiles: Vec<Tile> = self.parts.iter().map(|part| part.0).collect();
+        let voxels = by_tile(&tiles, |tile| {
+            let points =
+                self.cloud
+                    .gather(&tile.core, self.quantization, options, PART_THINNING_LIMIT)?;
+            let voxel = |&point: &Stored| cell_of(self.quantization.local(point), options.spacing);
+            Ok(OccupiedCells::sort(&points, voxel).0.len() as u64)
+        })?;
+        self.parts = tiles.into_iter().zip(voxels).collect();
+        Ok(())
+    }
+
+    /// Whether a sample of `size` is all parts, so that no part's voxels matter.
+    pub(super) fn are_all_drawn(&self, size: SampleSize) -> bool {
+        self.parts.len() as f64 <= size.parts
     }
 
     /// The number of sites of the cloud, if there are `sites_per_voxel` for each voxel that its points occupy.

@@ -9,7 +9,11 @@ use super::{
     sample::{DrawnPart, Parts, SampleSize},
     sites_of_the_plane,
 };
-use crate::{geometry::Quantization, lloyd::SolverSettings, tiling::CountedCloud};
+use crate::{
+    geometry::Quantization,
+    lloyd::{SolverOptions, SolverSettings},
+    tiling::CountedCloud,
+};
 
 /// Points whose voxels are counted to meet a count.
 const POINTS_FOR_COUNT: u64 = 30_000_000;
@@ -41,6 +45,9 @@ const CORRECTABLE: f64 = 0.08;
 const NEAR_FOR_FIRST_PARTS: f64 = 0.3;
 /// Error at which the surfaces are said not to carry the count.
 const NOT_CARRIED: f64 = -0.05;
+/// Growth of the logarithm of the count, while the spacing is at least halved, below which no finer spacing is
+/// tried. On a plane it is 1.39 for each halving, and none where points stand alone.
+const LEAST_GROWTH: f64 = 0.05;
 /// Sites for each occupied voxel of the spacing's edge, approximately: 0.77 on planes at all angles, 1.15 on
 /// planes along the axes.
 const SITES_PER_VOXEL: f64 = 0.9;
@@ -58,12 +65,28 @@ pub(crate) fn estimated_count<C: CountedCloud>(
     settings: &SolverSettings,
     spacing: f64,
 ) -> Result<f64, SpacingError<C::Error>> {
-    let guess = sites_of_the_plane(cloud, quantization, spacing);
-    let options = settings.at(spacing, guess / cloud.points() as f64);
-    let parts = Parts::count(cloud, quantization, &options, POINTS_FOR_ESTIMATE);
-    let parts = parts.map_err(SpacingError::Gather)?;
+    let options = estimate_options(cloud, quantization, settings, spacing);
+    let mut parts = Parts::cut(cloud, quantization, &options, POINTS_FOR_ESTIMATE);
+    if !parts.are_all_drawn(ESTIMATE_SAMPLE) {
+        let counted = parts.count_voxels(&options);
+        counted.map_err(SpacingError::Gather)?;
+    }
     let counts = parts.elect(&parts.draw(ESTIMATE_SAMPLE), &options);
     Ok(parts.seeds(counts.map_err(SpacingError::Gather)?))
+}
+
+/// The options with which seeds are elected to estimate what `spacing` gives.
+pub(super) fn estimate_options(
+    cloud: &impl CountedCloud,
+    quantization: &Quantization,
+    settings: &SolverSettings,
+    spacing: f64,
+) -> SolverOptions {
+    let guess = sites_of_the_plane(cloud, quantization, spacing);
+    // Where a scan is sparser than that, points stand alone: nothing across wider holes is their surface,
+    // and to look for it would only take time.
+    let sites_per_point = (guess / cloud.points() as f64).min(MAX_SITES_PER_POINT as f64);
+    settings.at(spacing, sites_per_point)
 }
 
 /// The spacing (CRS units) at which `cloud` gives approximately `count` sites.
@@ -93,8 +116,9 @@ pub(crate) fn spacing_for_count<C: CountedCloud>(
         .clamp(4.0 * scale, extent);
     let sites_per_point = count as f64 / points as f64;
     let options = settings.at(guess, sites_per_point);
-    let parts = Parts::count(cloud, quantization, &options, POINTS_FOR_COUNT);
-    let parts = parts.map_err(SpacingError::Gather)?;
+    let mut parts = Parts::cut(cloud, quantization, &options, POINTS_FOR_COUNT);
+    let counted = parts.count_voxels(&options);
+    counted.map_err(SpacingError::Gather)?;
     let by_voxels = guess * (parts.sites(SITES_PER_VOXEL) / count as f64).sqrt();
 
     let drawn = parts.draw(COUNT_SAMPLE);
@@ -159,6 +183,9 @@ impl<C: CountedCloud> Search<'_, C> {
             }
             let log_spacing = spacing.ln();
             trials.push(Trial { log_spacing, error });
+            if is_exhausted(&trials) {
+                break;
+            }
             slope = slope_of(&trials).unwrap_or(slope);
             let next = (log_spacing - error / slope).exp().clamp(least, most);
             if all_parts && error.abs() <= CORRECTABLE {
@@ -209,6 +236,20 @@ impl<C: CountedCloud> Search<'_, C> {
         }
         Ok(spacing)
     }
+}
+
+/// Whether the last of `trials` has too few sites, and hardly more than one with twice its spacing or more:
+/// its points stand alone, and finer spacings do not give more.
+fn is_exhausted(trials: &[Trial]) -> bool {
+    let Some((last, before)) = trials.split_last() else {
+        return false;
+    };
+    let is_in_vain = |trial: &Trial| {
+        trial.error < NOT_CARRIED
+            && trial.log_spacing - last.log_spacing >= std::f64::consts::LN_2
+            && last.error - trial.error < LEAST_GROWTH
+    };
+    last.error < NOT_CARRIED && before.iter().any(is_in_vain)
 }
 
 /// The slope of the logarithm of the count over that of the spacing, by the last two trials.

@@ -68,7 +68,7 @@ pub(crate) struct Plan {
 impl Plan {
     /// Plans tiles over the occupied `squares`, each of edge `square` (stored units).
     ///
-    /// A tile of a single square is taken whatever its cost, and so is a tile of a fixed size: the caller
+    /// A tile that no cut makes fit is taken whatever its cost, and so is a tile of a fixed size: the caller
     /// compares [`most_cost`](Self::most_cost) with the limit.
     pub(crate) fn make(squares: &[Square], square: i64, options: &PlanOptions) -> Self {
         let points = SquareSums::new(squares.iter().map(|s| (s.index, s.points)), square);
@@ -85,13 +85,7 @@ impl Plan {
         }
         let tiles = (0..)
             .zip(cores)
-            .map(|(id, core)| Tile {
-                id,
-                core,
-                points_core: points.touching(&core),
-                points_seen: points.touching(&core.grown(options.halo)),
-                cost: costs.touching(&core.grown(options.halo)),
-            })
+            .map(|(id, core)| tile(id, core, &points, &costs, options))
             .collect();
         Self {
             halo: options.halo,
@@ -116,9 +110,56 @@ impl Plan {
         Self::make(&squares, square, options)
     }
 
+    /// The square that costs most with what is within the halo of it, found by halving the plane towards the
+    /// side that sees more; `None` if there is no square. If its cost is beyond the limit, so is some tile's,
+    /// and there is no need to make the plan to know.
+    pub(crate) fn costliest_place(
+        squares: &[Square],
+        square: i64,
+        options: &PlanOptions,
+    ) -> Option<Tile> {
+        let points = SquareSums::new(squares.iter().map(|s| (s.index, s.points)), square);
+        let costs = SquareSums::new(squares.iter().map(|s| (s.index, s.cost)), square);
+        let mut core = points.bounds()?;
+        loop {
+            let sides = [0, 1].map(|axis| (core.max[axis] - core.min[axis]) / square);
+            let axis = usize::from(sides[1] > sides[0]);
+            if sides[axis] <= 1 {
+                break;
+            }
+            let mut halves = [core; 2];
+            halves[0].max[axis] = core.min[axis] + sides[axis] / 2 * square;
+            halves[1].min[axis] = halves[0].max[axis];
+            let seen = |half: &Rect| {
+                let is_occupied = points.touching(half) > 0;
+                (is_occupied, costs.touching(&half.grown(options.halo)))
+            };
+            core = halves[usize::from(seen(&halves[1]) > seen(&halves[0]))];
+        }
+        Some(tile(0, core, &points, &costs, options))
+    }
+
     /// The cost of the costliest tile.
     pub(crate) fn most_cost(&self) -> u64 {
         self.tiles.iter().map(|t| t.cost).max().unwrap_or(0)
+    }
+}
+
+/// The tile `core` with its counts.
+fn tile(
+    id: u32,
+    core: Rect,
+    points: &SquareSums,
+    costs: &SquareSums,
+    options: &PlanOptions,
+) -> Tile {
+    let seen = core.grown(options.halo);
+    Tile {
+        id,
+        core,
+        points_core: points.touching(&core),
+        points_seen: points.touching(&seen),
+        cost: costs.touching(&seen),
     }
 }
 
@@ -166,7 +207,7 @@ fn split(
         return;
     }
     let fits = costs.touching(&core.grown(options.halo)) <= options.most_cost;
-    let cut = if fits {
+    let cut = if fits || is_beyond_cuts(costs, core, options) {
         None
     } else {
         best_cut(costs, core, options)
@@ -179,6 +220,18 @@ fn split(
         }
         None => cores.push(core),
     }
+}
+
+/// Whether no part of `core` fits, however it is cut: what each of its squares sees within the halo costs too
+/// much already. Cuts would go on down to single squares, each of which sees what all the others do.
+fn is_beyond_cuts(costs: &SquareSums, core: Rect, options: &PlanOptions) -> bool {
+    let reach = costs.edge() + options.halo;
+    let seen_by_all = Rect {
+        min: core.max.map(|c| c - reach),
+        max: core.min.map(|c| c + reach),
+    };
+    let is_empty = (0..2).any(|axis| seen_by_all.min[axis] >= seen_by_all.max[axis]);
+    !is_empty && costs.touching(&seen_by_all) > options.most_cost
 }
 
 /// The best cut of `core` along either axis, by three criteria in this order: neither part is a sliver, the
@@ -255,6 +308,18 @@ mod tests {
         }
     }
 
+    /// The squares of edge 10 that make up `core`.
+    fn squares_of(core: &Rect) -> impl Iterator<Item = Rect> {
+        let Rect { min, max } = *core;
+        let corners = (min[0]..max[0])
+            .step_by(10)
+            .flat_map(move |x| (min[1]..max[1]).step_by(10).map(move |y| [x, y]));
+        corners.map(|corner| Rect {
+            min: corner,
+            max: corner.map(|c| c + 10),
+        })
+    }
+
     proptest! {
         #[test]
         fn every_square_is_at_home_in_one_tile_that_fits(
@@ -273,8 +338,9 @@ mod tests {
                     let bounds = counts.dilated(bounds, MARGIN);
                     split(&counts, &counts, bounds, &options(halo, most), &mut cores);
                     for core in &cores {
-                        let is_single = (0..2).all(|axis| core.max[axis] - core.min[axis] == 10);
-                        prop_assert!(is_single || counts.touching(&core.grown(halo)) <= most);
+                        let seen = |rect: &Rect| counts.touching(&rect.grown(halo));
+                        let fits_nowhere = squares_of(core).all(|square| seen(&square) > most);
+                        prop_assert!(fits_nowhere || seen(core) <= most);
                     }
                 }
             }
@@ -299,19 +365,51 @@ mod tests {
     }
 
     #[test]
-    fn a_square_that_does_not_fit_stands_alone_and_tells_its_cost() {
+    fn a_place_that_does_not_fit_tells_its_cost() {
         let square = |x, cost| Square {
             index: [x, 0],
             points: 1,
             cost,
         };
         let plan = Plan::make(&[square(0, 900), square(1, 5)], 10, &options(3, 500));
-        assert!(
-            plan.tiles
-                .iter()
-                .any(|t| t.core.max[0] - t.core.min[0] == 10)
-        );
         assert_eq!(plan.most_cost(), 905);
+    }
+
+    #[test]
+    fn what_sees_everything_wherever_it_is_cut_is_not_cut() {
+        let squares: Vec<Square> = (0..10_000)
+            .map(|i| Square {
+                index: [i % 100, i / 100],
+                points: 1,
+                cost: 1,
+            })
+            .collect();
+        // A halo as wide as the cloud; then one half as wide, so that corners fit and the middle does not.
+        let tiles = |halo, most| {
+            let plan = Plan::make(&squares, 10, &options(halo, most));
+            assert_eq!(
+                plan.tiles.iter().map(|t| t.points_core).sum::<u64>(),
+                10_000
+            );
+            plan.tiles.len()
+        };
+        assert_eq!(tiles(1000, 2000), 1);
+        assert!(tiles(500, 2000) < 64, "{}", tiles(500, 2000));
+    }
+
+    #[test]
+    fn the_costliest_place_is_where_the_costly_squares_are() {
+        let squares: Vec<Square> = (0..2_500)
+            .map(|i| Square {
+                index: [i % 50, i / 50],
+                points: 1,
+                cost: 1 + 9 * u64::from((i % 50 - 31).abs() < 3 && (i / 50 - 12).abs() < 3),
+            })
+            .collect();
+        let place = Plan::costliest_place(&squares, 10, &options(15, 100)).unwrap();
+        // It sees 5 × 5 squares, which can all be costly.
+        assert_eq!(place.cost, 250);
+        assert!(Plan::costliest_place(&[], 10, &options(15, 100)).is_none());
     }
 
     #[test]

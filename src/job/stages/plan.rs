@@ -13,7 +13,7 @@ use crate::{
         resources::mebibytes,
     },
     lloyd::SolverOptions,
-    tiling::{Plan, PlanOptions},
+    tiling::{Plan, PlanOptions, Tile},
 };
 
 /// What a job will do, and what it will take.
@@ -134,17 +134,23 @@ fn tiles(
         return Ok(found);
     }
     let tile_size = run.job.settings.tiling.tile_size;
-    let plan = Plan::make(
-        &costed_squares(cloud, options, points_out)?,
-        cloud.spill.grid().square(),
-        &PlanOptions {
-            halo: quantization.units(halo),
-            margin: quantization.units(options.farthest_seed()),
-            tile_edge: tile_size.map(|edge| quantization.units(edge)),
-            most_cost,
-        },
-    );
-    check_memory(cloud, &plan, halo)?;
+    let squares = costed_squares(cloud, options, points_out)?;
+    let square = cloud.spill.grid().square();
+    let plan_options = PlanOptions {
+        halo: quantization.units(halo),
+        margin: quantization.units(options.farthest_seed()),
+        tile_edge: tile_size.map(|edge| quantization.units(edge)),
+        most_cost,
+    };
+    let check = |costliest: Option<&Tile>| match costliest.filter(|tile| tile.cost > most_cost) {
+        Some(tile) => Err(too_little_memory(cloud, tile, halo)),
+        None => Ok(()),
+    };
+    if tile_size.is_none() {
+        check(Plan::costliest_place(&squares, square, &plan_options).as_ref())?;
+    }
+    let plan = Plan::make(&squares, square, &plan_options);
+    check(plan.tiles.iter().max_by_key(|tile| tile.cost))?;
     if !is_new {
         run.progress
             .note("the tiles of an earlier run do not fit this one's memory: all are solved anew");
@@ -172,17 +178,13 @@ fn expected_seconds(
     (seconds, to_solve)
 }
 
-/// Checks that the costliest tile of `plan` fits the memory.
-fn check_memory(cloud: &ScatteredCloud<'_>, plan: &Plan, halo: f64) -> Result<(), JobError> {
+/// The error of a job whose memory is too little for `tile`.
+fn too_little_memory(cloud: &ScatteredCloud<'_>, tile: &Tile, halo: f64) -> JobError {
     let budget = &cloud.run.budget;
-    let costly = plan.tiles.iter().max_by_key(|tile| tile.cost);
-    let Some(tile) = costly.filter(|tile| tile.cost > budget.tile()) else {
-        return Ok(());
-    };
     let (total, needed) = (budget.total, budget.needed(tile.cost as f64));
     let points = tile.points_seen;
     let tiling = &cloud.run.job.settings.tiling;
-    Err(JobError::Refused(match tiling.tile_size {
+    JobError::Refused(match tiling.tile_size {
         Some(_) => format!(
             "--tile-size makes a tile of {points} points, which takes about {}, and --memory is \
              {}; give smaller tiles or more memory",
@@ -195,7 +197,7 @@ fn check_memory(cloud: &ScatteredCloud<'_>, plan: &Plan, halo: f64) -> Result<()
             mebibytes(total),
             mebibytes(needed)
         ),
-    }))
+    })
 }
 
 /// Checks that the disks have room for `solved` bytes of solved tiles, and for an output of at most

@@ -42,6 +42,10 @@ const DENSE_IN_SPACINGS: f64 = 1.6;
 /// straight ahead.
 const SEARCH_IN_FILLS: f64 = 1.5;
 
+/// Cells along the radius of that search: narrow gaps are searched by the cells of `DENSE_IN_SPACINGS`,
+/// and a search across a wide gap does not visit thousands of them.
+const CELLS_PER_SEARCH: f64 = 4.0;
+
 /// Radius of the patch across a gap, in widths of the widest gap.
 const FIT_RADIUS_IN_FILLS: f64 = 0.8;
 
@@ -57,9 +61,14 @@ pub(super) fn filling(surface: Surface<'_>) -> Vec<Stored> {
     }
     let spacing = surface.spacing();
     let landmarks = landmarks(surface, LANDMARK_CELL_IN_SPACINGS * spacing);
-    let grid = NeighborGrid::new(&landmarks, DENSE_IN_SPACINGS * spacing);
+    let dense = DENSE_IN_SPACINGS * spacing;
+    let across_gap = SEARCH_IN_FILLS * surface.options.fill;
+    let grids = Grids {
+        dense: NeighborGrid::new(&landmarks, dense),
+        across_gap: NeighborGrid::new(&landmarks, dense.max(across_gap / CELLS_PER_SEARCH)),
+    };
     let positions = |near: &mut Vec<Local>, &landmark: &Local| match patch_across_gap(
-        landmark, &grid, surface, near,
+        landmark, &grids, surface, near,
     ) {
         Some(patch) => filled_around(landmark, &patch, surface, near),
         None => Vec::new(),
@@ -70,6 +79,14 @@ pub(super) fn filling(surface: Surface<'_>) -> Vec<Stored> {
         .map_init(Vec::new, positions)
         .flatten_iter()
         .collect()
+}
+
+/// The landmarks by cells as wide as what is searched.
+struct Grids {
+    /// For the landmarks within `DENSE_IN_SPACINGS`.
+    dense: NeighborGrid,
+    /// For the landmarks on the other side of a gap.
+    across_gap: NeighborGrid,
 }
 
 /// The landmarks: means of the samples in cells of `edge` (CRS units).
@@ -93,13 +110,13 @@ fn landmarks(surface: Surface<'_>, edge: f64) -> Vec<Local> {
 /// the landmarks on both sides of the gap.
 fn patch_across_gap(
     landmark: Local,
-    landmarks: &NeighborGrid,
+    landmarks: &Grids,
     surface: Surface<'_>,
     near: &mut Vec<Local>,
 ) -> Option<Patch> {
     let (options, spacing) = (surface.options, surface.spacing());
     let dense = DENSE_IN_SPACINGS * spacing;
-    landmarks.gather(landmark, dense, near);
+    landmarks.dense.gather(landmark, dense, near);
     if let Some(patch) = Patch::fit(landmark, near, dense, PatchKind::Plane)
         && Surroundings::of(landmark, &patch, near, spacing).longest_gap() <= 1
     {
@@ -113,7 +130,8 @@ fn patch_across_gap(
     {
         return None;
     }
-    landmarks.gather(landmark, SEARCH_IN_FILLS * options.fill, near);
+    let across_gap = SEARCH_IN_FILLS * options.fill;
+    landmarks.across_gap.gather(landmark, across_gap, near);
     let radius = options.fit_radius.max(FIT_RADIUS_IN_FILLS * options.fill);
     let patch = Patch::fit(landmark, near, radius, options.patch)?;
     let is_surface = patch.describes(SURENESS * options.fit_radius);

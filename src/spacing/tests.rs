@@ -1,0 +1,131 @@
+//! How much of a cloud is read, and how often, to choose its spacing.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::{SpacingError, Target, resolve, search::estimate_options};
+use crate::{
+    geometry::{Quantization, Rect, Stored, spread},
+    lloyd::{SolverOptions, SolverSettings},
+    tiling::{Bounds, CellGrid, CloudInMemory, CountedCloud},
+};
+
+const QUANTIZATION: Quantization = Quantization {
+    scale: 0.001,
+    offset: [0.0; 3],
+};
+
+/// `n` random points in a box with these sides (CRS units).
+fn points(n: u64, sides: [u64; 3]) -> Vec<Stored> {
+    let coordinate = |k: u64, side: u64| (spread(k) % (1000 * side).max(1)) as i32;
+    (0..n)
+        .map(|i| Stored {
+            x: coordinate(3 * i, sides[0]),
+            y: coordinate(3 * i + 1, sides[1]),
+            z: coordinate(3 * i + 2, sides[2]),
+        })
+        .collect()
+}
+
+/// A cloud that counts how often it is gathered from, and the points that are.
+struct Watched<C> {
+    cloud: C,
+    gathers: AtomicU64,
+    gathered: AtomicU64,
+}
+
+impl<C: CountedCloud> CountedCloud for Watched<C> {
+    type Error = C::Error;
+
+    fn points(&self) -> u64 {
+        self.cloud.points()
+    }
+
+    fn bounds(&self) -> Bounds {
+        self.cloud.bounds()
+    }
+
+    fn square_edge(&self) -> i64 {
+        self.cloud.square_edge()
+    }
+
+    fn squares(&self) -> impl Iterator<Item = ([i64; 2], u64)> + '_ {
+        self.cloud.squares()
+    }
+
+    fn gather(
+        &self,
+        rect: &Rect,
+        quantization: &Quantization,
+        options: &SolverOptions,
+        thinning_limit: u64,
+    ) -> Result<Vec<Stored>, C::Error> {
+        let points = self
+            .cloud
+            .gather(rect, quantization, options, thinning_limit)?;
+        let edge = self.square_edge();
+        let touched = self.squares().filter(|&([x, y], _)| {
+            let min = [x * edge, y * edge];
+            let max = min.map(|c| c + edge);
+            Rect { min, max }.intersects(rect)
+        });
+        let read: u64 = touched.map(|(_, points)| points).sum();
+        self.gathers.fetch_add(1, Ordering::Relaxed);
+        self.gathered.fetch_add(read, Ordering::Relaxed);
+        Ok(points)
+    }
+}
+
+/// What `target` gives for `points`, how often they were gathered from, and how many were read.
+fn resolved(points: &[Stored], target: Target) -> (Result<(f64, u64), SpacingError<()>>, u64, u64) {
+    let go_on = || Ok::<(), ()>(());
+    let cloud = Watched {
+        cloud: CloudInMemory::new(points, CellGrid::new(1000), &go_on),
+        gathers: AtomicU64::new(0),
+        gathered: AtomicU64::new(0),
+    };
+    let settings = SolverSettings::default();
+    let result = resolve(&cloud, &QUANTIZATION, &settings, target);
+    let [gathers, gathered] = [cloud.gathers, cloud.gathered].map(AtomicU64::into_inner);
+    (result, gathers, gathered)
+}
+
+#[test]
+fn a_wide_spacing_is_estimated_from_each_point_once() {
+    let points = points(1_500_000, [10, 8, 0]);
+    for spacing in [1.0, 4.0] {
+        let (result, _, gathered) = resolved(&points, Target::Spacing(spacing));
+        let (_, count) = result.unwrap();
+        let plane = 80.0 / (0.866 * spacing * spacing);
+        assert!(
+            (0.7..2.0).contains(&(count as f64 / plane)),
+            "{count} sites at {spacing}"
+        );
+        assert!(gathered <= 1_600_000, "{gathered} points were read");
+    }
+}
+
+#[test]
+fn a_spacing_far_finer_than_the_scan_gives_its_points_and_closes_no_wide_holes() {
+    let points = points(20_000, [100, 100, 0]);
+    let (result, ..) = resolved(&points, Target::Spacing(0.01));
+    let (_, count) = result.unwrap();
+    assert!((19_000..25_000).contains(&count), "{count} sites");
+
+    let go_on = || Ok::<(), ()>(());
+    let cloud = CloudInMemory::new(&points, CellGrid::new(1000), &go_on);
+    let settings = SolverSettings::default();
+    let options = estimate_options(&cloud, &QUANTIZATION, &settings, 0.01);
+    assert!(options.fill <= 16.0 * 0.01 + 1e-9, "{}", options.fill);
+}
+
+#[test]
+fn a_count_that_no_spacing_gives_is_given_up_after_few_trials() {
+    // Points in the air stand alone: there is no surface for more.
+    let points = points(15_000, [100, 100, 100]);
+    let (result, gathers, _) = resolved(&points, Target::Count(150_000));
+    let Err(SpacingError::CannotCarry { reached, .. }) = result else {
+        panic!("{result:?}");
+    };
+    assert!((12_000.0..40_000.0).contains(&reached), "{reached}");
+    assert!(gathers <= 12, "{gathers} parts were read");
+}
