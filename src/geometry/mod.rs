@@ -19,6 +19,7 @@ mod packing;
 mod patch;
 mod patch_fit;
 mod response;
+mod stored_tree;
 #[cfg(test)]
 mod test_cells;
 mod word_sorting;
@@ -38,6 +39,7 @@ pub use neighbors::NeighborGrid;
 pub(crate) use occupied::OccupiedCells;
 pub use patch::{Patch, PatchKind};
 pub(crate) use response::Response;
+pub(crate) use stored_tree::{StoredTree, stored_distance_squared};
 
 /// Items (points, sites) that a thread takes at a time. Their costs differ widely: with few
 /// large tasks the last one leaves the other threads idle.

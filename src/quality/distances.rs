@@ -8,14 +8,17 @@ const BINS_PER_SPACING: f64 = 256.0;
 /// Range of the bins. Larger distances are counted in the last bin; their mean and maximum remain
 /// exact.
 const RANGE_IN_SPACINGS: f64 = 8.0;
+/// Steps to a spacing in which distances are summed, 2⁶⁴: a sum of integers does not depend on the order of its terms.
+const SUM_STEPS_PER_SPACING: f64 = 18_446_744_073_709_551_616.0;
 
-/// A tally of distances, in bounded memory.
+/// A tally of distances, in bounded memory. Neither the order of the distances nor their division into parts shows in it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DistanceTally {
     spacing: f64,
     bins: Vec<u64>,
     count: u64,
-    sum: f64,
+    /// The sum of the distances in steps of 2⁻⁶⁴ spacings.
+    sum: u128,
     max: f64,
     beyond: u64,
 }
@@ -42,7 +45,7 @@ impl DistanceTally {
             spacing,
             bins: vec![0; (BINS_PER_SPACING * RANGE_IN_SPACINGS) as usize + 1],
             count: 0,
-            sum: 0.0,
+            sum: 0,
             max: 0.0,
             beyond: 0,
         }
@@ -51,11 +54,13 @@ impl DistanceTally {
     /// Adds one distance (CRS units).
     pub fn push(&mut self, distance: f64) {
         // `as` saturates, and takes what is not a number for zero.
-        let bin = (distance / self.spacing * BINS_PER_SPACING) as usize;
+        let spacings = distance / self.spacing;
+        let bin = (spacings * BINS_PER_SPACING) as usize;
         let last = self.bins.len() - 1;
         self.bins[bin.min(last)] += 1;
         self.count += 1;
-        self.sum += distance;
+        let steps = (spacings * SUM_STEPS_PER_SPACING) as u128;
+        self.sum = self.sum.saturating_add(steps);
         self.max = self.max.max(distance);
         self.beyond += u64::from(distance > 1.5 * self.spacing);
     }
@@ -66,7 +71,7 @@ impl DistanceTally {
             *bin += more;
         }
         self.count += other.count;
-        self.sum += other.sum;
+        self.sum = self.sum.saturating_add(other.sum);
         self.max = self.max.max(other.max);
         self.beyond += other.beyond;
     }
@@ -102,7 +107,7 @@ impl DistanceTally {
             });
         DistanceFigures {
             count: self.count,
-            mean: self.sum / count,
+            mean: self.sum as f64 / SUM_STEPS_PER_SPACING * self.spacing / count,
             p99,
             max: if self.count > 0 { self.max } else { f64::NAN },
             share_beyond: self.beyond as f64 / count,
@@ -135,8 +140,9 @@ mod tests {
             DistanceTally::new(0.5),
             DistanceTally::new(0.5),
         );
+        // Numbers whose sums are rounded, and therefore depend on their order.
         for i in 0..512 {
-            let distance = f64::from(i) / 64.0;
+            let distance = f64::from(i).sqrt() / 3.0;
             whole.push(distance);
             if i % 3 == 0 { &mut part } else { &mut other }.push(distance);
         }

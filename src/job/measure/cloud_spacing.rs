@@ -1,6 +1,6 @@
 //! The spacing of a cloud that comes without one, from the mean nearest distance of a sample.
 
-use super::marked_points::gather_marked;
+use super::bare_points::gather_bare;
 use crate::{
     geometry::{NeighborGrid, Quantization},
     job::JobError,
@@ -28,7 +28,7 @@ pub(super) fn estimated_spacing(
 ) -> Result<f64, JobError> {
     let mut positions = Vec::new();
     for part in &parts.tiles {
-        let (cloud, _) = gather_marked(spill, &part.core)?;
+        let cloud = gather_bare(spill, &part.core)?;
         positions.extend(cloud.into_iter().map(|point| quantization.local(point)));
         if positions.len() >= ENOUGH_POINTS {
             break;

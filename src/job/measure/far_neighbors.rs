@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::measurement::Measurement;
+use super::{bare_points::gather_bare, measurement::Measurement};
 use crate::{
     geometry::{Local, NearestPoints, Rect, Stored},
     job::JobError,
@@ -17,27 +17,24 @@ use crate::{
 /// Points that wait at most, with 28 bytes each while they are looked up.
 const MAX_WAITING_POINTS: usize = 100_000;
 
-/// Points that wait for their nearest neighbour among the targets: the marked points of a measurement for
-/// which `is_target` holds.
+/// Points of a cloud that wait for their nearest neighbour in it.
 pub(super) struct FarNeighbors<'a> {
     measurement: &'a Measurement<'a>,
-    is_target: fn(&[u8]) -> bool,
     waiting: Vec<Stored>,
     tally: DistanceTally,
 }
 
 impl<'a> FarNeighbors<'a> {
     /// No waiting points.
-    pub(super) fn new(measurement: &'a Measurement<'a>, is_target: fn(&[u8]) -> bool) -> Self {
+    pub(super) fn new(measurement: &'a Measurement<'a>) -> Self {
         Self {
             measurement,
-            is_target,
             waiting: Vec::new(),
             tally: DistanceTally::new(measurement.spacing),
         }
     }
 
-    /// Adds a point. Targets at its own position are not its neighbours.
+    /// Adds a point. Points at its own position are not its neighbours.
     ///
     /// # Errors
     ///
@@ -50,8 +47,7 @@ impl<'a> FarNeighbors<'a> {
         Ok(())
     }
 
-    /// The distances from all points to their nearest neighbours; nothing for points without any, because
-    /// there is no target.
+    /// The distances from all points to their nearest neighbours; nothing for a point without any.
     ///
     /// # Errors
     ///
@@ -80,8 +76,9 @@ impl<'a> FarNeighbors<'a> {
             if asking.is_empty() {
                 continue;
             }
-            let targets = self.targets(&part.core)?;
-            let tree = NearestPoints::new(&targets);
+            let points = gather_bare(self.measurement.spill, &part.core)?;
+            let points: Vec<Local> = points.into_iter().map(|p| quantization.local(p)).collect();
+            let tree = NearestPoints::new(&points);
             let distance_squared = |&index: &usize| {
                 let position = quantization.local(self.waiting[index]);
                 let nearest = tree.nearest_elsewhere(position);
@@ -97,17 +94,6 @@ impl<'a> FarNeighbors<'a> {
             self.tally.push(squared.sqrt());
         }
         Ok(())
-    }
-
-    fn targets(&self, rect: &Rect) -> Result<Vec<Local>, JobError> {
-        let mut targets = Vec::new();
-        self.measurement.spill.gather(rect, |record| {
-            if (self.is_target)(record) {
-                let point = Stored::of_record(record);
-                targets.push(self.measurement.quantization.local(point));
-            }
-        })?;
-        Ok(targets)
     }
 }
 

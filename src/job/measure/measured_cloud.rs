@@ -1,5 +1,5 @@
-//! A cloud is measured in four steps: survey, scatter, estimate of the spacing, and figures part
-//! by part.
+//! A cloud is measured in five steps: survey, scatter, estimate of the spacing, figures of uniformity part
+//! by part, and the comparison with scans.
 
 use std::{
     path::{Path, PathBuf},
@@ -9,17 +9,19 @@ use std::{
 use serde::Serialize;
 
 use super::{
+    bare_points::{BARE_BYTES, BarePoints},
     cloud_spacing::estimated_spacing,
-    marked_points::{MARKED_BYTES, Mark, MarkedPoints},
+    comparison_plan::ComparisonPlan,
     measurement::Measurement,
     parts::parts,
+    scan_comparison::{ComparedDistances, ScanComparison},
 };
 use crate::{
-    geometry::Quantization,
-    job::{JobError, resources::Budget, stages::transfer::FARTHEST_MATCH_IN_SPACINGS},
+    geometry::{Quantization, Rect, Stored},
+    job::{JobError, resources::Budget},
     las::{InputFile, expand_inputs},
     quality::{DistanceFigures, Uniformity},
-    tile::{Opener, ScatterOptions, Spill, scatter},
+    tile::{Opener, ScatterOptions, Source, Spill, TileError, scatter},
     tiling::CellGrid,
 };
 
@@ -64,82 +66,118 @@ pub(crate) fn measure(
     memory: Option<u64>,
     threads: usize,
 ) -> Result<Measured, JobError> {
-    let mut inputs = Vec::new();
-    for (mark, paths) in [(Mark::Cloud, files), (Mark::Scan, against)] {
-        if !paths.is_empty() {
-            for path in expand_inputs(paths)? {
-                inputs.push((mark, InputFile::survey(&path)?));
-            }
-        }
-    }
+    let (cloud, scans) = (survey(files)?, survey(against)?);
     let dir = temporary.join(format!("lloydar-measure-{}", std::process::id()));
     std::fs::create_dir_all(&dir).map_err(|e| JobError::io("make", &dir, e))?;
-    let measured = measure_in(&inputs, &dir, &Budget::new(memory, threads));
+    let measured = measure_in(&cloud, &scans, &dir, &Budget::new(memory, threads));
     // The files are removed whatever happened.
     drop(std::fs::remove_dir_all(&dir));
     measured
 }
 
-/// Measures `inputs` with temporary files in `dir`.
+/// The files that `paths` stand for, by their headers.
+fn survey(paths: &[PathBuf]) -> Result<Vec<InputFile>, JobError> {
+    if paths.is_empty() {
+        return Ok(Vec::new());
+    }
+    let files = expand_inputs(paths)?;
+    Ok(files
+        .iter()
+        .map(|path| InputFile::survey(path))
+        .collect::<Result<_, _>>()?)
+}
+
+/// Measures `cloud`, and compares it with `scans`, with temporary files in `dir`.
 fn measure_in(
-    inputs: &[(Mark, InputFile)],
+    cloud: &[InputFile],
+    scans: &[InputFile],
     dir: &Path,
     budget: &Budget,
 ) -> Result<Measured, JobError> {
-    // Cloud and scans, with marks, in one spill.
-    let quantization = InputFile::common_quantization(inputs.iter().map(|(_, file)| file));
-    let spill = scatter_marked(inputs, quantization, &dir.join("spill"), budget)?;
+    // Whether a comparison fits is known beforehand.
+    let cloud_points = cloud.iter().map(|file| file.points_claimed).sum();
+    let comparison = match scans {
+        [] => None,
+        _ => Some(ComparisonPlan::new(cloud_points, budget)?),
+    };
+
+    // The points of the cloud by cell.
+    let quantization = InputFile::common_quantization(cloud.iter().chain(scans));
+    let spill = scatter_cloud(cloud, quantization, &dir.join("spill"), budget)?;
 
     // The spacing, from parts without a halo.
     let spacing = estimated_spacing(&spill, &parts(&spill, budget, 0)?, quantization)?;
 
-    // The figures, from parts that contain all that their points depend on.
-    let has_scans = inputs.iter().any(|(mark, _)| *mark == Mark::Scan);
-    let reach = match has_scans {
-        true => FARTHEST_MATCH_IN_SPACINGS * spacing,
-        false => MEASURED_HALO_IN_SPACINGS * spacing,
-    };
+    // The figures of uniformity, from parts that contain all that their points depend on.
+    let halo = quantization.units(MEASURED_HALO_IN_SPACINGS * spacing);
     let tally = Measurement {
         spill: &spill,
-        plan: &parts(&spill, budget, quantization.units(reach))?,
+        plan: &parts(&spill, budget, halo)?,
         quantization,
         spacing,
-        comparison_reach: has_scans.then_some(reach),
     }
     .tally()?;
+
+    // The distances to the scans and from them.
+    let compared = comparison
+        .map(|plan| compare(&spill, scans, quantization, spacing, &plan))
+        .transpose()?;
     Ok(Measured {
         points: tally.points,
         uniformity: tally.uniformity.figures(),
         spacing,
         alone: (tally.alone.figures().count > 0).then(|| tally.alone.figures()),
-        accuracy: has_scans.then(|| tally.accuracy.figures()),
-        coverage: has_scans.then(|| tally.coverage.figures()),
+        accuracy: compared.as_ref().map(|c| c.accuracy.figures()),
+        coverage: compared.as_ref().map(|c| c.coverage.figures()),
         truth: None,
     })
 }
 
-/// Scatters the marked points of `inputs` into the spill at `stem`.
-fn scatter_marked(
-    inputs: &[(Mark, InputFile)],
+/// Compares the points of `spill` with `scans`.
+fn compare(
+    spill: &Spill,
+    scans: &[InputFile],
+    quantization: Quantization,
+    spacing: f64,
+    plan: &ComparisonPlan,
+) -> Result<ComparedDistances, JobError> {
+    let bounds = spill.bounds();
+    let everything = Rect {
+        min: [bounds.min[0].into(), bounds.min[1].into()],
+        max: [i64::from(bounds.max[0]) + 1, i64::from(bounds.max[1]) + 1],
+    };
+    // A vector that grows by itself would take twice the memory.
+    let mut cloud = Vec::with_capacity(spill.points() as usize);
+    spill.gather(&everything, |record| cloud.push(Stored::of_record(record)))?;
+    ScanComparison::new(cloud, quantization, spacing)
+        .with_scans(scans, plan)
+        .map_err(|e| JobError::Tile(TileError::Sources(vec![(0, e)])))
+}
+
+/// Scatters the points of `cloud` into the spill at `stem`.
+fn scatter_cloud(
+    cloud: &[InputFile],
     quantization: Quantization,
     stem: &Path,
     budget: &Budget,
 ) -> Result<Spill, JobError> {
-    let sources: Vec<Opener<'_>> = inputs
+    let open = |file| {
+        let points = BarePoints::open(file, 0..file.points_claimed, quantization)?;
+        Ok(Box::new(points) as Box<dyn Source>)
+    };
+    let sources = cloud
         .iter()
-        .map(|(mark, file)| {
-            Box::new(move |_| MarkedPoints::open(file, *mark, quantization)) as Opener<'_>
-        })
+        .map(|file| Box::new(move |_| open(file)) as Opener<'_>)
         .collect();
     let options = ScatterOptions {
-        record_length: MARKED_BYTES,
+        record_length: BARE_BYTES,
         threads: budget.decoders(),
         buffer_bytes: budget.buffers(),
         // A measurement is not resumed.
         checkpoint_bytes: u64::MAX,
         keep_going: false,
     };
-    let extent = inputs.iter().fold(0.0, |extent: f64, (_, file)| {
+    let extent = cloud.iter().fold(0.0, |extent: f64, file| {
         let [min, max] = file.bounds;
         extent.max(max[0] - min[0]).max(max[1] - min[1])
     });

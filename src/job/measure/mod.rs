@@ -1,15 +1,17 @@
-//! The figures of any cloud, by parts that fit in memory: what `lloydar measure` reports.
+//! The figures of any cloud: what `lloydar measure` reports.
 //!
-//! The cloud and the scans it is compared with are scattered into one spill of bare coordinates
-//! with a mark of their cloud, so that each part contains both.
+//! The cloud is scattered into a spill of bare coordinates, and its uniformity is measured by parts that fit in memory.
+//! For a comparison with scans the cloud is held in memory, and the scans pass by it once.
 
+mod bare_points;
 mod cloud_spacing;
 mod cloud_tally;
+mod comparison_plan;
 mod far_neighbors;
-mod marked_points;
 mod measured_cloud;
 mod measurement;
 mod parts;
+mod scan_comparison;
 mod surface_distances;
 
 pub(crate) use measured_cloud::{Measured, measure};

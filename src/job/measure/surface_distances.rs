@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use super::marked_points::{MARKED_BYTES, Mark, MarkedPoints};
+use super::bare_points::{BARE_BYTES, BarePoints};
 use crate::{
     geometry::Stored,
     job::JobError,
     las::{InputFile, expand_inputs},
     quality::{DistanceFigures, DistanceTally},
-    tile::{SourceError, TileError},
+    tile::{Source, SourceError, TileError},
 };
 
 /// Measures the distances of the points of the cloud in `files` from a known surface. `distance`
@@ -28,10 +28,12 @@ pub(crate) fn measure_against_surface(
         let input = InputFile::survey(&path)?;
         let quantization = InputFile::common_quantization(std::iter::once(&input));
         let failed = |e: SourceError| JobError::Tile(TileError::Sources(vec![(0, e)]));
-        let mut source = MarkedPoints::open(&input, Mark::Cloud, quantization).map_err(failed)?;
+        let all = 0..input.points_claimed;
+        let mut points =
+            BarePoints::open(&input, all, quantization).map_err(|e| failed(e.into()))?;
         let mut records = Vec::new();
-        while source.next_batch(&mut records).map_err(failed)?.read > 0 {
-            for record in records.chunks_exact(MARKED_BYTES) {
+        while points.next_batch(&mut records).map_err(failed)?.read > 0 {
+            for record in records.chunks_exact(BARE_BYTES) {
                 tally.push(distance(quantization.world(Stored::of_record(record))));
             }
         }

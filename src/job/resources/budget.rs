@@ -62,10 +62,14 @@ impl Budget {
         (self.total / 8).clamp(4 << 20, 256 << 20) as usize
     }
 
+    /// Bytes that the points in memory may take.
+    pub(crate) fn usable(&self) -> u64 {
+        (self.total.saturating_sub(BASE_BYTES) as f64 * USABLE_SHARE) as u64
+    }
+
     /// Largest cost of a tile in bytes.
     pub(crate) fn tile(&self) -> u64 {
-        let usable = (self.total.saturating_sub(BASE_BYTES) as f64 * USABLE_SHARE) as u64;
-        usable.min(LARGEST_TILE_BYTES)
+        self.usable().min(LARGEST_TILE_BYTES)
     }
 
     /// Number of points that fit at `bytes` each.
