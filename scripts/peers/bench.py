@@ -1,14 +1,17 @@
-"""Times whole jobs against decoding once and against other programs; scripts/bench-job runs it."""
+"""Times one job, a street to 100 K points, against decoding it once and against other programs;
+scripts/bench-job --peers runs it.
+
+    bench.py PROGRAM WORK ROUNDS
+"""
 
 import importlib.util
-import os
-import resource
-import shutil
 import statistics
-import subprocess
 import sys
-import time
 from pathlib import Path
+
+import cloudcompare
+from process import measured
+from street import simulated
 
 COUNT, SMALL_COUNT = 100_000, 10_000
 # At this distance (in m) CloudCompare leaves of the street about as many points, and with this
@@ -17,13 +20,9 @@ CLOUDCOMPARE_SPACING, SPACING = 0.1905, 0.2287
 
 
 def read(folder):
-    """The points of all LAZ files of a folder, decoded on all cores."""
-    import laspy
-    import numpy
+    from decoding import read
 
-    backend = laspy.LazBackend.LazrsParallel
-    scans = [laspy.read(path, laz_backend=backend) for path in sorted(folder.glob("*.laz"))]
-    return numpy.vstack([scan.xyz for scan in scans])
+    return read(sorted(folder.glob("*.laz")))
 
 
 def write(points, path):
@@ -59,60 +58,24 @@ def point_cloud_utils(folder, output, count):
     write(points[kept], output)
 
 
-def cloudcompare(folder, output, _count):
-    """Debian's build reads no LAS: it gets what laspy decoded."""
-    points = read(folder)
+def thin_with_cloudcompare(folder, output, _count):
     raw = output + ".ply"
-    with open(raw, "wb") as ply:
-        coordinates = "".join(f"property double {axis}\n" for axis in "xyz")
-        head = "ply\nformat binary_little_endian 1.0\n"
-        ply.write(f"{head}element vertex {len(points)}\n{coordinates}end_header\n".encode())
-        points.astype("<f8").tofile(ply)
-    options = "-SILENT -AUTO_SAVE OFF -C_EXPORT_FMT PLY -PLY_EXPORT_FMT BINARY_LE"
-    result = output + ".thinned.ply"
-    thinned = ["-SS", "SPATIAL", str(CLOUDCOMPARE_SPACING), "-SAVE_CLOUDS", "FILE", result]
-    subprocess.run(
-        ["CloudCompare", *options.split(), "-O", "-GLOBAL_SHIFT", "AUTO", raw, *thinned],
-        check=True,
-        stdout=subprocess.DEVNULL,
-        env=os.environ | {"QT_QPA_PLATFORM": "offscreen"},
-    )
+    cloudcompare.write_ply(read(folder), raw)
+    cloudcompare.subsample(raw, CLOUDCOMPARE_SPACING, output + ".thinned.ply")
 
 
 PEERS = {
     "laspy": decode,
     "pymeshlab": pymeshlab,
     "point_cloud_utils": point_cloud_utils,
-    "cloudcompare": cloudcompare,
+    "cloudcompare": thin_with_cloudcompare,
 }
 
 
 def is_here(peer):
     if peer == "cloudcompare":
-        return shutil.which("CloudCompare") is not None
+        return cloudcompare.is_here()
     return importlib.util.find_spec(peer) is not None
-
-
-def measured(command):
-    """Seconds and peak memory (MiB) of a process that must succeed."""
-    start = time.monotonic()
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-    _, status, usage = os.wait4(process.pid, 0)
-    seconds = time.monotonic() - start
-    if status != 0:
-        sys.exit(f"{command}: failed: {process.stderr.read().decode()[-500:]}")
-    return seconds, usage.ru_maxrss / 1024
-
-
-def simulated(program, work, points, *more):
-    folder = work / f"street-{points}"
-    if not folder.exists():
-        subprocess.run(
-            [program, "simulate", "--points", str(points), *more, "-o", str(folder)],
-            check=True,
-            stdout=subprocess.DEVNULL,
-        )
-    return folder
 
 
 def lloydar(program, folder, work, *asked):
@@ -125,7 +88,8 @@ def compare(title, commands, rounds):
     results = {name: [] for name in commands}
     for _ in range(rounds):
         for name, command in commands.items():
-            results[name].append(measured(command))
+            done = measured(command)
+            results[name].append((done.seconds, done.peak))
     print(f"\n{title}; {rounds} rounds, medians\n")
     print("| what | seconds | least to most | times lloydar's | peak MiB |")
     print("| --- | --- | --- | --- | --- |")
@@ -144,7 +108,7 @@ def main():
         PEERS[name](Path(folder), output, int(count))
         return
     program, work, rounds = sys.argv[1], Path(sys.argv[2]), int(sys.argv[3])
-    street = simulated(program, work, 5_000_000)
+    street = simulated(program, work, "5M")
     commands = {
         "lloydar": lloydar(program, street, work, "--count", COUNT),
         "lloydar by spacing": lloydar(program, street, work, "--spacing", SPACING),
@@ -158,10 +122,11 @@ def main():
 
     wlop = work / "wlop"
     if wlop.exists():
-        for points, count in [(500_000, SMALL_COUNT), (5_000_000, COUNT)]:
+        for points, count in [("500K", SMALL_COUNT), ("5M", COUNT)]:
             scanned = simulated(program, work, points)
             raw = work / "street.xyz"
-            read(scanned).astype("float64").tofile(raw)
+            decoding = Path(__file__).with_name("decoding.py")
+            measured([sys.executable, decoding, "xyz", raw, *sorted(scanned.glob("*.laz"))])
             commands = {
                 "lloydar": lloydar(program, scanned, work, "--count", count),
                 "CGAL WLOP": [str(wlop), str(raw), str(work / "wlop.xyz"), str(count)],
@@ -170,5 +135,4 @@ def main():
 
 
 if __name__ == "__main__":
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     main()
