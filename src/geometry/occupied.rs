@@ -156,6 +156,15 @@ impl OccupiedCells {
         self.table = hash_table(bricks);
     }
 
+    /// Changes the numbers of points in the occupied cells to `counts`, all of which are positive.
+    pub(crate) fn set_counts(&mut self, counts: &[u32]) {
+        let mut end = 0;
+        for (start, count) in self.starts[1..].iter_mut().zip(counts) {
+            end += count;
+            *start = end;
+        }
+    }
+
     /// Number of occupied cells.
     pub(crate) fn len(&self) -> usize {
         self.starts.len() - 1

@@ -12,7 +12,7 @@ use super::{
     progress::Progress,
     stages::{
         output::complete_output, plan::JobPlan, planned_job::PlannedJob, preparation::prepare,
-        solve::solve_missing,
+        scatter::SpillReaders, solve::solve_missing,
     },
 };
 use crate::las::CompleteCloud;
@@ -46,7 +46,8 @@ impl JobDescription {
         let worker = Worker::until_all_is_done(threads);
         RunContext::with(self, threads, progress, cancel, |run| {
             // Survey the headers, scatter the points, choose the spacing, plan the tiles.
-            let Some(planned) = run.pool.install(|| prepare(run, &worker))? else {
+            let readers = SpillReaders::ThisProcess;
+            let Some(planned) = run.pool.install(|| prepare(run, &worker, readers))? else {
                 return Ok(None);
             };
             run.progress
@@ -82,7 +83,8 @@ impl JobDescription {
         let threads = self.settings.resources.threads;
         let worker = Worker::until_all_is_done(threads);
         let planned = RunContext::with(self, threads, progress, cancel, |run| {
-            run.pool.install(|| prepare(run, &worker))
+            let readers = SpillReaders::ThisProcess;
+            run.pool.install(|| prepare(run, &worker, readers))
         })?;
         Ok(planned.map(|planned| {
             if !self.keep {

@@ -35,6 +35,7 @@ pub use options::SolverOptions;
 pub use region::TileRegion;
 pub(crate) use rings::Rings;
 pub use scan::Scan;
+pub(crate) use scan::{PointSum, ThinnedPoints, Thinning};
 pub(crate) use seeds::elected_in;
 pub use seeds::{AREA_PER_SEED, SeedRule, elect};
 pub(crate) use settings::SolverSettings;

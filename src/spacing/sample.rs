@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use crate::{
     geometry::{OccupiedCells, Quantization, Stored, cell_of},
-    lloyd::{Scan, SolverOptions, elected_in},
+    lloyd::{Scan, SolverOptions, Thinning, elected_in},
     tiling::{CountedCloud, Plan, PlanOptions, Square, Tile},
 };
 
@@ -94,7 +94,7 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
         };
         let edge = cloud.square_edge();
         let width = edge as f64 * quantization.scale;
-        let kept = Scan::most_on_square(width, quantization, options);
+        let kept = Thinning::new(quantization, options).most_on_square(width);
         let most = (MOST_COUNTED_IN_KEPT * kept).ceil() as u64;
         let squares = cloud.squares().map(|(index, points)| Square {
             index,
@@ -123,7 +123,7 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
                 self.cloud
                     .gather(&tile.core, self.quantization, options, PART_THINNING_LIMIT)?;
             let voxel = |&point: &Stored| cell_of(self.quantization.local(point), options.spacing);
-            Ok(OccupiedCells::sort(&points, voxel).0.len() as u64)
+            Ok(OccupiedCells::sort(&points.kept, voxel).0.len() as u64)
         })?;
         self.parts = tiles.into_iter().zip(voxels).collect();
         Ok(())
@@ -152,7 +152,7 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
             let points =
                 self.cloud
                     .gather(&seen, self.quantization, options, PART_THINNING_LIMIT)?;
-            let scan = Scan::new(points, *self.quantization, options);
+            let scan = Scan::prepared(points, *self.quantization, options);
             Ok(elected_in(&scan, options, &tile.core) as u64)
         })?;
         let weighted = |(part, seeds): (&DrawnPart, u64)| WeightedCounts {

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::{SpacingError, Target, resolve, search::estimate_options};
 use crate::{
     geometry::{Quantization, Rect, Stored, spread},
-    lloyd::{SolverOptions, SolverSettings},
+    lloyd::{SolverOptions, SolverSettings, ThinnedPoints},
     tiling::{Bounds, CellGrid, CloudInMemory, CountedCloud},
 };
 
@@ -58,7 +58,7 @@ impl<C: CountedCloud> CountedCloud for Watched<C> {
         quantization: &Quantization,
         options: &SolverOptions,
         thinning_limit: u64,
-    ) -> Result<Vec<Stored>, C::Error> {
+    ) -> Result<ThinnedPoints, C::Error> {
         let points = self
             .cloud
             .gather(rect, quantization, options, thinning_limit)?;

@@ -1,9 +1,13 @@
 //! Records sorted by the cell of a grid: what decoders hand to the appender of a spill.
 
-use crate::las::PointCounts;
+use std::ops::Range;
+
+use super::{cell_points::CellPoints, spill_index::SquareCounts};
 use crate::{
     geometry::Stored,
-    tiling::{CellGrid, CellKey},
+    las::PointCounts,
+    lloyd::Thinning,
+    tiling::{Bounds, CellGrid, CellKey},
 };
 
 /// Records of one source, sorted by cell.
@@ -12,23 +16,39 @@ pub(super) struct Batch {
     pub(super) source: usize,
     /// The points of the source that were read for this batch.
     pub(super) counts: PointCounts,
-    /// The records, those of a cell next to each other.
-    pub(super) records: Vec<u8>,
+    /// The points, those of a cell next to each other.
+    pub(super) points: CellPoints,
     /// The grid that the records were sorted by.
     pub(super) grid: CellGrid,
-    /// The cells in the order of the records, each with the number of its records.
-    pub(super) cells: Vec<(CellKey, u32)>,
+    /// The cells in the order of the records.
+    pub(super) cells: Vec<CellOfBatch>,
+    /// The bounds of all points that were read.
+    pub(super) bounds: Bounds,
+    /// Bytes of the records of all points that were read.
+    pub(super) bytes_read: usize,
+}
+
+/// The part of a batch that lies in one cell.
+pub(super) struct CellOfBatch {
+    pub(super) cell: CellKey,
+    /// The bytes of its records.
+    pub(super) records: Range<usize>,
+    /// The indices of its sums.
+    pub(super) sums: Range<usize>,
+    /// The points that were read in each of its counting squares.
+    pub(super) squares: Box<SquareCounts>,
 }
 
 impl Batch {
-    /// Sorts `records`, of `record_length` bytes each, by the cells of `grid`. The order of
-    /// records within a cell is kept.
+    /// Sorts `records`, of `record_length` bytes each, by the cells of `grid`, and thins those of
+    /// each cell. The order of records within a cell is kept if they are not thinned.
     pub(super) fn sorted_by_cell(
         source: usize,
         counts: PointCounts,
         records: &[u8],
         grid: CellGrid,
         record_length: usize,
+        thinning: Option<&Thinning>,
     ) -> Self {
         // Scanners sweep: most records that follow each other lie in one cell, so runs of
         // records are sorted rather than records.
@@ -41,22 +61,59 @@ impl Batch {
             }
         }
         runs.sort_unstable();
-        let mut sorted = Vec::with_capacity(records.len());
-        let mut cells: Vec<(CellKey, u32)> = Vec::new();
-        for (cell, start, end) in runs {
-            sorted.extend_from_slice(&records[start * record_length..end * record_length]);
-            let points = (end - start) as u32;
-            match cells.last_mut() {
-                Some((last, count)) if *last == cell => *count += points,
-                _ => cells.push((cell, points)),
-            }
-        }
-        Self {
+        let mut batch = Self {
             source,
             counts,
-            records: sorted,
+            points: CellPoints {
+                records: Vec::with_capacity(records.len()),
+                sums: Vec::new(),
+            },
             grid,
-            cells,
+            cells: Vec::new(),
+            bounds: Bounds::empty(),
+            bytes_read: records.len(),
+        };
+        for runs in runs.chunk_by(|a, b| a.0 == b.0) {
+            let start = batch.points.records.len();
+            for &(_, first, end) in runs {
+                let run = &records[first * record_length..end * record_length];
+                batch.points.records.extend_from_slice(run);
+            }
+            batch.end_cell(runs[0].0, start, record_length, thinning);
         }
+        batch
+    }
+
+    /// Counts the records from the byte `start` on, which are those of `cell`, and thins them.
+    fn end_cell(
+        &mut self,
+        cell: CellKey,
+        start: usize,
+        record_length: usize,
+        thinning: Option<&Thinning>,
+    ) {
+        let records = &self.points.records[start..];
+        let mut squares = Box::new([0; _]);
+        // A copy that stays in registers over the records of a cell.
+        let mut bounds = self.bounds;
+        for record in records.chunks_exact(record_length) {
+            let point = Stored::of_record(record);
+            squares[self.grid.square_in_cell(point)] += 1;
+            bounds.grow(point);
+        }
+        self.bounds = bounds;
+        let first_sum = self.points.sums.len();
+        let thinned =
+            thinning.and_then(|rule| CellPoints::thinned(records, &[], record_length, rule));
+        if let Some(thinned) = thinned {
+            self.points.records.truncate(start);
+            self.points.extend(&thinned.records, &thinned.sums);
+        }
+        self.cells.push(CellOfBatch {
+            cell,
+            records: start..self.points.records.len(),
+            sums: first_sum..self.points.sums.len(),
+            squares,
+        });
     }
 }

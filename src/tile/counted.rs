@@ -1,9 +1,9 @@
 //! A spill as a cloud that is counted by squares and gathered by rectangles.
 
-use super::{error::TileError, spill::Spill};
+use super::{cell_points::Spilled, error::TileError, spill::Spill};
 use crate::{
     geometry::{Quantization, Rect, Stored},
-    lloyd::{Scan, SolverOptions},
+    lloyd::{SolverOptions, ThinnedPoints, Thinning},
     tiling::{Bounds, CountedCloud},
 };
 
@@ -32,16 +32,21 @@ impl CountedCloud for Spill {
         quantization: &Quantization,
         options: &SolverOptions,
         thinning_limit: u64,
-    ) -> Result<Vec<Stored>, TileError> {
-        let mut points: Vec<Stored> = Vec::new();
+    ) -> Result<ThinnedPoints, TileError> {
+        let thinning = Thinning::new(quantization, options);
+        let mut points = ThinnedPoints::default();
         let mut limit = thinning_limit as usize;
         self.gather_each(
             rect,
-            |found: &mut Vec<Stored>, record| found.push(Stored::of_record(record)),
+            |found: &mut ThinnedPoints, spilled| match spilled {
+                Spilled::Record(record) => found.kept.push(Stored::of_record(record)),
+                Spilled::Sum(sum) => found.sums.push(*sum),
+            },
+            |found| found,
             |found| {
-                points.extend(found);
+                points.append(found);
                 if points.len() > limit {
-                    points = Scan::thinned(std::mem::take(&mut points), quantization, options);
+                    points = thinning.thinned(std::mem::take(&mut points));
                     limit = limit.max(2 * points.len());
                 }
             },

@@ -7,22 +7,35 @@
 //! ```
 
 use std::{
+    collections::BTreeMap,
     fs::File,
     io::{ErrorKind, Read, Seek, SeekFrom},
+    path::PathBuf,
 };
 
 use rayon::prelude::*;
 
-use super::{error::TileError, spill::Spill, spill_index::Chunk};
-use crate::geometry::{Rect, Stored};
+use super::{
+    cell_points::{CellPoints, Spilled},
+    error::TileError,
+    spill::{Place, Spill},
+    spill_index::Chunk,
+};
+use crate::{
+    geometry::{Rect, Stored},
+    lloyd::PointSum,
+    tiling::{CellGrid, CellKey},
+};
 
 /// Bytes that are read at once. They are read, not mapped: a disk that fails under a map ends the
 /// program, and a disk that fails under a read gives an error that names the file.
 const WINDOW_BYTES: u64 = 8 << 20;
 /// The longest gap of other cells' records that is read along rather than skipped, in bytes.
 const MAX_GAP_BYTES: u64 = 64 << 10;
-/// The number of windows that each thread reads before the results are taken.
-const WINDOWS_PER_THREAD: usize = 4;
+/// The number of parts that each thread reads before the results are taken.
+const PARTS_PER_THREAD: usize = 4;
+/// The number of cells that are one part of a spill in memory.
+const CELLS_PER_PART: usize = 32;
 
 impl Spill {
     /// Calls `visit` with every record whose point lies in `rect`. The order of the records
@@ -33,16 +46,30 @@ impl Spill {
     /// [`TileError::Io`] if the spill cannot be read, [`TileError::Damaged`] if it has become
     /// shorter.
     pub fn gather(&self, rect: &Rect, mut visit: impl FnMut(&[u8])) -> Result<(), TileError> {
-        let mut buffer = Vec::new();
-        for chunks in &windows(&self.chunks(rect), WINDOW_BYTES) {
-            self.visit_window(chunks, rect, &mut buffer, &mut visit)?;
+        let mut visit = |spilled: Spilled<'_>| {
+            if let Spilled::Record(record) = spilled {
+                visit(record);
+            }
+        };
+        match &self.place {
+            Place::Memory(cells) => {
+                for (cell, points) in cells_in(cells, self.grid(), rect) {
+                    self.visit_cell(*cell, &points.records, &points.sums, rect, &mut visit);
+                }
+            }
+            Place::Files(files) => {
+                let mut buffer = Vec::new();
+                for chunks in &windows(&self.chunks(rect), WINDOW_BYTES) {
+                    self.visit_window(files, chunks, rect, &mut buffer, &mut visit)?;
+                }
+            }
         }
         Ok(())
     }
 
-    /// Reads the records whose points lie in `rect` in parallel. `visit` adds a record to the
-    /// result of the window that contains it. `take` receives the results of a few windows, in
-    /// the order of the windows, before the next windows are read.
+    /// Reads the points in `rect` in parallel. `visit` adds what it is given to the result of a
+    /// part of the spill. `end` is called once with the result of each part, by the thread that
+    /// has read it; `take` receives the results in their order.
     ///
     /// # Errors
     ///
@@ -51,41 +78,63 @@ impl Spill {
     pub(crate) fn gather_each<T: Default + Send>(
         &self,
         rect: &Rect,
-        visit: impl Fn(&mut T, &[u8]) + Sync,
+        visit: impl Fn(&mut T, Spilled<'_>) + Sync,
+        end: impl Fn(T) -> T + Sync,
         mut take: impl FnMut(T),
     ) -> Result<(), TileError> {
-        // The windows of all threads together take as much memory as the window of one.
         let threads = rayon::current_num_threads();
+        let files = match &self.place {
+            Place::Files(files) => files,
+            Place::Memory(cells) => {
+                let cells: Vec<_> = cells_in(cells, self.grid(), rect).collect();
+                for few in cells.chunks(CELLS_PER_PART * PARTS_PER_THREAD * threads) {
+                    let read = |cells: &[(&CellKey, &CellPoints)]| {
+                        let mut found = T::default();
+                        let mut visit = |spilled: Spilled<'_>| visit(&mut found, spilled);
+                        for (cell, points) in cells {
+                            let (records, sums) = (&points.records, &points.sums);
+                            self.visit_cell(**cell, records, sums, rect, &mut visit);
+                        }
+                        end(found)
+                    };
+                    let parts: Vec<T> = few.par_chunks(CELLS_PER_PART).map(read).collect();
+                    parts.into_iter().for_each(&mut take);
+                }
+                return Ok(());
+            }
+        };
+        // The windows of all threads together take as much memory as the window of one.
         let chunks = self.chunks(rect);
         let windows = windows(&chunks, WINDOW_BYTES / threads as u64);
-        for few in windows.chunks(WINDOWS_PER_THREAD * threads) {
-            let found: Vec<T> = few
+        for few in windows.chunks(PARTS_PER_THREAD * threads) {
+            let parts: Vec<T> = few
                 .par_iter()
                 .map_init(Vec::new, |buffer, chunks| {
                     let mut found = T::default();
-                    let mut visit = |record: &[u8]| visit(&mut found, record);
-                    self.visit_window(chunks, rect, buffer, &mut visit)?;
-                    Ok(found)
+                    let mut visit = |spilled: Spilled<'_>| visit(&mut found, spilled);
+                    self.visit_window(files, chunks, rect, buffer, &mut visit)?;
+                    Ok(end(found))
                 })
                 .collect::<Result<_, TileError>>()?;
-            found.into_iter().for_each(&mut take);
+            parts.into_iter().for_each(&mut take);
         }
         Ok(())
     }
 
-    /// Reads the window of `chunks` into `buffer`, and visits its records in `rect`.
+    /// Reads the window of `chunks` into `buffer`, and visits its points in `rect`.
     fn visit_window(
         &self,
+        files: &[PathBuf],
         chunks: &[Chunk],
         rect: &Rect,
         buffer: &mut Vec<u8>,
-        visit: &mut impl FnMut(&[u8]),
+        visit: &mut impl FnMut(Spilled<'_>),
     ) -> Result<(), TileError> {
         let start = chunks.first().map_or(0, |chunk| chunk.offset);
-        let end = chunks.last().map_or(0, |chunk| chunk.offset + chunk.bytes);
+        let end = chunks.last().map_or(0, Chunk::end);
         // A window is one chunk or a few MiB, and fits in memory.
         buffer.resize((end - start) as usize, 0);
-        let path = &self.files[chunks.first().map_or(0, |chunk| chunk.file as usize)];
+        let path = &files[chunks.first().map_or(0, |chunk| chunk.file as usize)];
         let read = File::open(path).and_then(|mut file| {
             file.seek(SeekFrom::Start(start))?;
             file.read_exact(buffer)
@@ -95,29 +144,50 @@ impl Spill {
             _ => TileError::io("read", path, source),
         })?;
         for chunk in chunks {
-            self.visit_chunk(chunk, start, buffer, rect, visit);
+            let from = (chunk.offset - start) as usize;
+            let (records, sums) =
+                buffer[from..from + chunk.bytes() as usize].split_at(chunk.records as usize);
+            let sums = sums.chunks_exact(CellPoints::SUM_BYTES);
+            let sums: Vec<PointSum> = sums.map(CellPoints::decode_sum).collect();
+            self.visit_cell(chunk.cell, records, &sums, rect, visit);
         }
         Ok(())
     }
 
-    /// Visits the records of `chunk` in `rect`; `window` begins at `window_start` in the file.
-    fn visit_chunk(
+    /// Visits those of the `records` and `sums` of `cell` that lie in `rect`. A sum lies where the
+    /// mean of its points does.
+    fn visit_cell(
         &self,
-        chunk: &Chunk,
-        window_start: u64,
-        window: &[u8],
+        cell: CellKey,
+        records: &[u8],
+        sums: &[PointSum],
         rect: &Rect,
-        visit: &mut impl FnMut(&[u8]),
+        visit: &mut impl FnMut(Spilled<'_>),
     ) {
-        let start = (chunk.offset - window_start) as usize;
-        let records = &window[start..start + chunk.bytes as usize];
-        let is_inside = rect.covers(&self.grid().rect(chunk.cell));
+        let is_inside = rect.covers(&self.grid().rect(cell));
         for record in records.chunks_exact(self.record_length()) {
             if is_inside || rect.contains(Stored::of_record(record)) {
-                visit(record);
+                visit(Spilled::Record(record));
+            }
+        }
+        for sum in sums {
+            if is_inside || rect.contains(sum.mean()) {
+                visit(Spilled::Sum(sum));
             }
         }
     }
+}
+
+/// Those of `cells` that intersect `rect`.
+fn cells_in<'a>(
+    cells: &'a BTreeMap<CellKey, CellPoints>,
+    grid: CellGrid,
+    rect: &Rect,
+) -> impl Iterator<Item = (&'a CellKey, &'a CellPoints)> {
+    let rect = *rect;
+    cells
+        .iter()
+        .filter(move |(cell, _)| grid.rect(**cell).intersects(&rect))
 }
 
 /// Divides `chunks`, which are in the order of the files, into windows of chunks that lie close
@@ -127,9 +197,9 @@ fn windows(chunks: &[Chunk], max_bytes: u64) -> Vec<&[Chunk]> {
     let mut rest = chunks;
     while let Some(first) = rest.first() {
         let is_near = |pair: &&[Chunk]| {
-            let end = pair[0].offset + pair[0].bytes;
-            let is_close = pair[0].file == pair[1].file && pair[1].offset - end <= MAX_GAP_BYTES;
-            is_close && pair[1].offset + pair[1].bytes <= first.offset + max_bytes
+            let gap = pair[1].offset.saturating_sub(pair[0].end());
+            let is_close = pair[0].file == pair[1].file && gap <= MAX_GAP_BYTES;
+            is_close && pair[1].end() <= first.offset + max_bytes
         };
         let count = 1 + rest.windows(2).take_while(is_near).count();
         let (near, far) = rest.split_at(count);

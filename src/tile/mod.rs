@@ -14,6 +14,7 @@
 
 mod batch;
 mod block_file;
+mod cell_points;
 mod checksummed_file;
 mod counted;
 mod error;
@@ -28,12 +29,15 @@ mod spill_index;
 mod spill_sorting;
 mod spill_writer;
 mod stitch;
+mod storage;
 #[cfg(test)]
 mod tests;
 
 pub(crate) use block_file::BlockFile;
+pub(crate) use cell_points::Spilled;
 pub(crate) use checksummed_file::{read_checksummed, write_checksummed};
 pub use error::TileError;
+pub(crate) use scatter::scatter_into;
 pub use scatter::{ScatterOptions, scatter};
 pub(crate) use settled_tiles::SettledTiles;
 pub use solved_tile::SolvedSite;
@@ -42,3 +46,4 @@ pub use source::{Opener, Source, SourceError};
 pub use spill::Spill;
 pub(crate) use spill_sorting::SpillSpace;
 pub use stitch::{NeighborSites, SeamTally, blend};
+pub(crate) use storage::Storage;

@@ -28,9 +28,11 @@ use super::{
     batch::Batch,
     error::TileError,
     source::{Opener, SourceError},
+    spill::Spill,
     spill_appender::{AppendOptions, SpillAppender},
+    storage::Storage,
 };
-use crate::tiling::CellGrid;
+use crate::{lloyd::Thinning, tiling::CellGrid};
 
 /// The settings of a scatter.
 #[derive(Clone, Copy, Debug)]
@@ -50,6 +52,11 @@ pub struct ScatterOptions {
 
 /// The number of batches that wait between decoders and appender, for each decoder.
 const QUEUED_BATCHES: usize = 2;
+
+/// A decoder thins its batches as long as no more than this share of their bytes is left.
+const WORTHWHILE_SHARE: f64 = 0.75;
+/// The number of batches that a decoder does not thin after one that was not worth it.
+const BATCHES_BETWEEN_TRIALS: u32 = 15;
 
 /// What a decoder sends to the appender.
 enum Message {
@@ -79,10 +86,29 @@ pub fn scatter(
     progress: &(dyn Fn(u64) + Sync),
     cancel: &AtomicBool,
 ) -> Result<(), TileError> {
+    let storage = Storage::default();
+    scatter_into(sources, grid, stem, options, storage, progress, cancel).map(drop)
+}
+
+/// Scatters like [`scatter`], but keeps points as `storage` says; returns the spill.
+///
+/// # Errors
+///
+/// Those of [`scatter`].
+pub(crate) fn scatter_into(
+    sources: Vec<Opener<'_>>,
+    grid: CellGrid,
+    stem: &Path,
+    options: ScatterOptions,
+    storage: Storage,
+    progress: &(dyn Fn(u64) + Sync),
+    cancel: &AtomicBool,
+) -> Result<Spill, TileError> {
     let to_append = AppendOptions {
         record_length: options.record_length,
         buffer_bytes: options.buffer_bytes,
         checkpoint_bytes: options.checkpoint_bytes,
+        storage,
     };
     let mut appender = SpillAppender::open(stem, grid, &to_append, sources.len())?;
     let before = appender.sources().to_vec();
@@ -102,6 +128,7 @@ pub fn scatter(
         waiting: Mutex::new(missing.into_iter()),
         edge: AtomicI64::new(appender.grid().edge()),
         record_length: options.record_length,
+        thinning: storage.thinning,
         has_failed: AtomicBool::new(false),
         cancel,
     };
@@ -139,6 +166,7 @@ struct Decoding<'a, Waiting> {
     /// batch that was sorted by a finer grid is still right, but slower to append.
     edge: AtomicI64,
     record_length: usize,
+    thinning: Option<Thinning>,
     /// Whether the appender has given up.
     has_failed: AtomicBool,
     cancel: &'a AtomicBool,
@@ -179,13 +207,29 @@ impl<'a, Waiting: Iterator<Item = MissingSource<'a>>> Decoding<'_, Waiting> {
     ) -> Result<bool, SourceError> {
         let mut source = open(skip)?;
         let mut records = Vec::new();
+        // Batches that thinning hardly shortens are thinned by the appender, cell by cell.
+        let mut batches_unthinned = 0;
         loop {
             let counts = source.next_batch(&mut records)?;
             if counts.read == 0 {
                 return Ok(true);
             }
             let grid = CellGrid::new(self.edge.load(Ordering::Relaxed));
-            let batch = Batch::sorted_by_cell(index, counts, &records, grid, self.record_length);
+            let thinning = self.thinning.filter(|_| batches_unthinned == 0);
+            let batch = Batch::sorted_by_cell(
+                index,
+                counts,
+                &records,
+                grid,
+                self.record_length,
+                thinning.as_ref(),
+            );
+            let left = batch.points.bytes() as f64 / batch.bytes_read.max(1) as f64;
+            batches_unthinned = match thinning {
+                Some(_) if left > WORTHWHILE_SHARE => BATCHES_BETWEEN_TRIALS,
+                Some(_) => 0,
+                None => batches_unthinned.saturating_sub(1),
+            };
             let is_sent = sender.send(Message::Batch(batch)).is_ok();
             if !is_sent || self.is_stopped() {
                 return Ok(false);

@@ -2,28 +2,38 @@
 //! processes have filled consists of several pairs of files, which are read as one.
 
 use std::{
+    collections::BTreeMap,
     fs::File,
     path::{Path, PathBuf},
 };
 
 use super::{
+    cell_points::CellPoints,
     error::TileError,
     spill_index::{Chunk, SpillIndex, index_path, spill_path},
 };
 use crate::{
     geometry::Rect,
     las::PointCounts,
-    tiling::{Bounds, CellGrid, SQUARES_PER_CELL_EDGE},
+    tiling::{Bounds, CellGrid, CellKey, SQUARES_PER_CELL_EDGE},
 };
 
-/// A complete spill. Its records lie in one file, or in several files of different sources.
+/// A complete spill. Its points lie in memory, in one file, or in several files of different sources.
 #[derive(Debug)]
 pub struct Spill {
-    /// The paths of the records; [`Chunk::file`] is an index into them.
-    pub(super) files: Vec<PathBuf>,
+    pub(super) place: Place,
     /// The joined index of all files.
     pub(super) index: SpillIndex,
     points: u64,
+}
+
+/// Where the points of a spill lie.
+#[derive(Debug)]
+pub(super) enum Place {
+    /// In memory, by cell.
+    Memory(BTreeMap<CellKey, CellPoints>),
+    /// In the files at these paths; [`Chunk::file`] is an index into them.
+    Files(Vec<PathBuf>),
 }
 
 impl Spill {
@@ -62,12 +72,22 @@ impl Spill {
             });
         }
         let index = joined.ok_or_else(|| TileError::damaged(Path::new("the spill")))?;
+        let files = stems.iter().map(|stem| spill_path(stem)).collect();
+        Ok(Self::of(Place::Files(files), index))
+    }
+
+    /// A spill in memory: the points of each cell.
+    pub(super) fn in_memory(cells: BTreeMap<CellKey, CellPoints>, index: SpillIndex) -> Self {
+        Self::of(Place::Memory(cells), index)
+    }
+
+    fn of(place: Place, index: SpillIndex) -> Self {
         let squares = index.counts.values().flat_map(|squares| squares.iter());
-        Ok(Self {
+        Self {
             points: squares.sum(),
-            files: stems.iter().map(|stem| spill_path(stem)).collect(),
+            place,
             index,
-        })
+        }
     }
 
     /// Reads the index of the spill at `stem`, and checks the length of its records.
@@ -88,7 +108,10 @@ impl Spill {
 
     /// Removes the files of the spill, as far as the operating system permits.
     pub(crate) fn remove(self) {
-        for path in self.files {
+        let Place::Files(files) = self.place else {
+            return;
+        };
+        for path in files {
             drop(std::fs::remove_file(path.with_extension("index")));
             drop(std::fs::remove_file(path));
         }
@@ -97,6 +120,29 @@ impl Spill {
     /// The number of points.
     pub(crate) fn points(&self) -> u64 {
         self.points
+    }
+
+    /// The number of values that are kept: records, and sums of points without records.
+    pub(crate) fn values(&self) -> u64 {
+        let length = self.record_length() as u64;
+        match &self.place {
+            Place::Memory(cells) => {
+                let values =
+                    |cell: &CellPoints| cell.records.len() as u64 / length + cell.sums.len() as u64;
+                cells.values().map(values).sum()
+            }
+            Place::Files(_) => {
+                let chunks = self.index.chunks.iter();
+                chunks
+                    .map(|chunk| chunk.records / length + chunk.sums)
+                    .sum()
+            }
+        }
+    }
+
+    /// The occupied cells.
+    pub(crate) fn cells(&self) -> impl Iterator<Item = CellKey> + '_ {
+        self.index.counts.keys().copied()
     }
 
     /// The true bounds of the points.
@@ -119,9 +165,20 @@ impl Spill {
         self.index.sources.iter().map(|source| source.counts)
     }
 
-    /// The bytes of records and index on disk.
+    /// The bytes of points and index on disk.
     pub(crate) fn bytes(&self) -> u64 {
-        self.index.bytes + self.index.encoded_bytes()
+        match &self.place {
+            Place::Memory(_) => 0,
+            Place::Files(_) => self.index.bytes + self.index.encoded_bytes(),
+        }
+    }
+
+    /// The bytes of points in memory.
+    pub(crate) fn resident_bytes(&self) -> u64 {
+        match &self.place {
+            Place::Memory(cells) => cells.values().map(|cell| cell.capacity() as u64).sum(),
+            Place::Files(_) => 0,
+        }
     }
 
     /// The occupied counting squares: the south-west corner of each in units of squares, and the

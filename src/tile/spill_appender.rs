@@ -1,4 +1,11 @@
 //! A spill that grows: its buffers, its file, and its checkpoints.
+//!
+//! ```text
+//!   batch ─► buffer of its cell ─► thinned when it is full ─► file, or the spill in memory
+//! ```
+//!
+//! As long as the points have room in memory every cell has a buffer, and there is no file. When
+//! they have none any more, all go to the file, and a fixed number of buffers remains.
 
 use std::{
     collections::HashMap,
@@ -7,20 +14,26 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use rayon::prelude::*;
+
 use super::{
-    batch::Batch,
+    batch::{Batch, CellOfBatch},
+    cell_points::CellPoints,
     error::TileError,
+    spill::Spill,
     spill_index::{Chunk, SourceProgress, SpillIndex, checkpoint_path, index_path, spill_path},
+    storage::Storage,
 };
-use crate::{
-    geometry::Stored,
-    tiling::{CellGrid, CellKey},
-};
+use crate::tiling::{CellGrid, CellKey};
 
 /// Bytes of the buffer of one cell.
 const BUFFER_BYTES: usize = 64 << 10;
 /// The number of buffers, however little memory there is.
 const MIN_BUFFERS: usize = 16;
+/// Bytes of a buffer in memory that is thinned for the first time.
+const FIRST_THINNED_BYTES: usize = 16 << 10;
+/// Points stay in memory if thinning all of them leaves no more than this share of what may stay.
+const LARGEST_SHARE_LEFT: f64 = 0.75;
 
 /// The settings of a spill that grows.
 #[derive(Clone, Copy, Debug)]
@@ -31,24 +44,61 @@ pub(super) struct AppendOptions {
     pub(super) buffer_bytes: usize,
     /// Bytes that are appended between two checkpoints.
     pub(super) checkpoint_bytes: u64,
+    /// What is kept, and where.
+    pub(super) storage: Storage,
 }
 
 /// Appends records to a spill. It is the only owner of the buffers and of the file.
 pub(super) struct SpillAppender {
     /// The path of the spill's files, without their extensions.
     stem: PathBuf,
-    /// The path of the records.
-    path: PathBuf,
-    file: File,
-    /// The chunks that are in the file, and the counts and bounds of all records, including
+    /// The file of the points; `None` as long as they have room in memory.
+    file: Option<SpillFile>,
+    /// The chunks that are in the file, and the counts and bounds of all points, including
     /// those in the buffers.
     index: SpillIndex,
     options: AppendOptions,
-    /// The records that are not in the file as yet, for each cell that has a buffer.
-    buffers: HashMap<CellKey, Vec<u8>>,
+    /// The points that are not in the file as yet, for each cell that has a buffer.
+    buffers: HashMap<CellKey, Buffer>,
     max_buffers: usize,
-    /// Bytes appended since the last checkpoint.
+    /// Bytes of all buffers.
+    buffered: usize,
+    /// Bytes read since the last checkpoint.
     since_checkpoint: u64,
+}
+
+/// The file of a spill that grows.
+struct SpillFile {
+    path: PathBuf,
+    file: File,
+}
+
+/// The points of a cell that are not in the file.
+#[derive(Default)]
+struct Buffer {
+    points: CellPoints,
+    /// Bytes that thinning has left.
+    thinned_bytes: usize,
+}
+
+impl SpillFile {
+    /// Opens the file at `path`, or makes one, and cuts off what follows its first `bytes`.
+    fn open(path: PathBuf, bytes: u64) -> Result<Self, TileError> {
+        let open = || -> io::Result<File> {
+            let mut file = File::options()
+                .create(true)
+                .truncate(false)
+                .write(true)
+                .open(&path)?;
+            file.set_len(bytes)?;
+            file.seek(SeekFrom::Start(bytes))?;
+            Ok(file)
+        };
+        match open() {
+            Ok(file) => Ok(Self { path, file }),
+            Err(source) => Err(TileError::io("create", &path, source)),
+        }
+    }
 }
 
 impl SpillAppender {
@@ -63,21 +113,15 @@ impl SpillAppender {
         options: &AppendOptions,
         sources: usize,
     ) -> Result<Self, TileError> {
-        let path = spill_path(stem);
-        let index = checkpoint(stem, options, sources)
-            .unwrap_or_else(|| SpillIndex::empty(grid, options.record_length, sources));
+        let found = checkpoint(stem, options, sources);
+        let is_in_memory = found.is_none() && options.storage.memory_bytes > 0;
+        let index =
+            found.unwrap_or_else(|| SpillIndex::empty(grid, options.record_length, sources));
         // What follows the checkpoint is cut off: those records are scattered again.
-        let open = || -> io::Result<File> {
-            let mut file = File::options()
-                .create(true)
-                .truncate(false)
-                .write(true)
-                .open(&path)?;
-            file.set_len(index.bytes)?;
-            file.seek(SeekFrom::Start(index.bytes))?;
-            Ok(file)
+        let file = match is_in_memory {
+            true => None,
+            false => Some(SpillFile::open(spill_path(stem), index.bytes)?),
         };
-        let file = open().map_err(|source| TileError::io("create", &path, source))?;
         Ok(Self {
             stem: stem.to_owned(),
             file,
@@ -85,8 +129,8 @@ impl SpillAppender {
             options: *options,
             buffers: HashMap::new(),
             max_buffers: (options.buffer_bytes / BUFFER_BYTES).max(MIN_BUFFERS),
+            buffered: 0,
             since_checkpoint: 0,
-            path,
         })
     }
 
@@ -105,33 +149,23 @@ impl SpillAppender {
         self.index.sources[source].is_done = true;
     }
 
-    /// Appends the records of `batch`, and writes a checkpoint if it is due.
+    /// Appends the points of `batch`, and writes a checkpoint if it is due.
     pub(super) fn append(&mut self, batch: &Batch) -> Result<(), TileError> {
-        let length = self.options.record_length;
-        let mut start = 0;
-        for &(cell, count) in &batch.cells {
-            let records = &batch.records[start..start + count as usize * length];
-            start += records.len();
-            let cell = self.cell_in_this_grid(cell, batch.grid);
-            let counts = self.index.counts.entry(cell);
-            let counts = counts.or_insert_with(|| Box::new([0; _]));
-            // Copies that stay in registers over the records of a cell.
-            let (grid, mut bounds) = (self.index.grid, self.index.bounds);
-            for record in records.chunks_exact(length) {
-                let point = Stored::of_record(record);
-                counts[grid.square_in_cell(point)] += 1;
-                bounds.grow(point);
+        for part in &batch.cells {
+            let cell = self.index.count(part.cell, batch.grid, &part.squares);
+            match self.file {
+                None => self.keep(cell, part, &batch.points),
+                Some(_) => self.buffer(cell, part, &batch.points)?,
             }
-            self.index.bounds = bounds;
-            self.buffer(cell, records)?;
             while self.index.has_too_many_cells() {
-                self.flush_all()?;
-                self.index.coarsen();
+                self.coarsen()?;
             }
         }
+        self.index.bounds.join(&batch.bounds);
         self.index.sources[batch.source].counts.add(&batch.counts);
-        self.since_checkpoint += batch.records.len() as u64;
-        if self.since_checkpoint >= self.options.checkpoint_bytes {
+        self.make_room()?;
+        self.since_checkpoint += batch.bytes_read as u64;
+        if self.file.is_some() && self.since_checkpoint >= self.options.checkpoint_bytes {
             self.flush_all()?;
             self.index.write(&checkpoint_path(&self.stem))?;
             self.since_checkpoint = 0;
@@ -140,51 +174,115 @@ impl SpillAppender {
     }
 
     /// Completes the spill.
-    pub(super) fn finish(mut self) -> Result<(), TileError> {
-        self.flush_all()?;
-        self.index.write(&index_path(&self.stem))?;
-        drop(fs::remove_file(checkpoint_path(&self.stem)));
+    pub(super) fn finish(mut self) -> Result<Spill, TileError> {
+        if self.file.is_some() {
+            self.flush_all()?;
+            self.index.write(&index_path(&self.stem))?;
+            drop(fs::remove_file(checkpoint_path(&self.stem)));
+            return Spill::open(&self.stem);
+        }
+        self.thin_all();
+        let cells = self.buffers.into_iter().map(|(cell, buffer)| {
+            let mut points = buffer.points;
+            points.records.shrink_to_fit();
+            points.sums.shrink_to_fit();
+            (cell, points)
+        });
+        Ok(Spill::in_memory(cells.collect(), self.index))
+    }
+
+    /// Puts a part of a batch into the buffer of `cell`, in memory.
+    fn keep(&mut self, cell: CellKey, part: &CellOfBatch, points: &CellPoints) {
+        let buffer = self.buffers.entry(cell).or_default();
+        let before = buffer.points.capacity();
+        buffer.add(part, points);
+        if let Some(thinning) = &self.options.storage.thinning {
+            let bytes = buffer.points.bytes();
+            if bytes >= FIRST_THINNED_BYTES.max(2 * buffer.thinned_bytes) {
+                buffer.points.thin(self.options.record_length, thinning);
+                buffer.thinned_bytes = buffer.points.bytes();
+            }
+        }
+        self.buffered = self.buffered + buffer.points.capacity() - before;
+    }
+
+    /// Thins the points in memory if they take more room than they may, and begins a file if they
+    /// still do.
+    fn make_room(&mut self) -> Result<(), TileError> {
+        let most = self.options.storage.memory_bytes;
+        if self.file.is_some() || self.buffered as u64 <= most {
+            return Ok(());
+        }
+        self.thin_all();
+        if self.buffered as f64 <= LARGEST_SHARE_LEFT * most as f64 {
+            return Ok(());
+        }
+        self.file = Some(SpillFile::open(spill_path(&self.stem), 0)?);
+        self.flush_all()
+    }
+
+    /// Thins all buffers, in parallel.
+    fn thin_all(&mut self) {
+        let Some(thinning) = self.options.storage.thinning else {
+            return;
+        };
+        let record_length = self.options.record_length;
+        self.buffers.par_iter_mut().for_each(|(_, buffer)| {
+            buffer.points.thin(record_length, &thinning);
+            buffer.thinned_bytes = buffer.points.bytes();
+        });
+        let buffers = self.buffers.values();
+        self.buffered = buffers.map(|buffer| buffer.points.capacity()).sum();
+    }
+
+    /// Makes the grid coarser: every four buffers become one.
+    fn coarsen(&mut self) -> Result<(), TileError> {
+        if self.file.is_some() {
+            self.flush_all()?;
+        }
+        self.index.coarsen();
+        for (cell, finer) in std::mem::take(&mut self.buffers) {
+            let buffer = self.buffers.entry(cell.parent()).or_default();
+            let CellPoints { records, sums } = &finer.points;
+            buffer.points.extend(records, sums);
+            buffer.thinned_bytes += finer.thinned_bytes;
+        }
+        let buffers = self.buffers.values();
+        self.buffered = buffers.map(|buffer| buffer.points.capacity()).sum();
         Ok(())
     }
 
-    /// Returns the cell of this spill's grid that contains `cell` of `grid`, which is the same
-    /// grid or a finer one.
-    fn cell_in_this_grid(&self, mut cell: CellKey, mut grid: CellGrid) -> CellKey {
-        while grid.edge() < self.index.grid.edge() {
-            cell = cell.parent();
-            grid = grid.coarser();
-        }
-        cell
-    }
-
-    /// Puts `records` into the buffer of `cell`, or into the file if they are too many.
-    fn buffer(&mut self, cell: CellKey, records: &[u8]) -> Result<(), TileError> {
-        if !self.buffers.contains_key(&cell) && self.buffers.len() == self.max_buffers {
+    /// Puts a part of a batch into the buffer of `cell`, and the buffer into the file if it is
+    /// full of points that thinning keeps.
+    fn buffer(
+        &mut self,
+        cell: CellKey,
+        part: &CellOfBatch,
+        points: &CellPoints,
+    ) -> Result<(), TileError> {
+        if !self.buffers.contains_key(&cell) && self.buffers.len() >= self.max_buffers {
             self.flush_fullest()?;
         }
-        let buffer = self
-            .buffers
-            .entry(cell)
-            .or_insert_with(|| Vec::with_capacity(BUFFER_BYTES));
-        if buffer.len() + records.len() <= BUFFER_BYTES {
-            buffer.extend_from_slice(records);
+        let buffer = self.buffers.entry(cell).or_default();
+        buffer.add(part, points);
+        if buffer.points.bytes() < BUFFER_BYTES {
             return Ok(());
         }
-        // Too much for the buffer: its content is written first, then the new records.
-        self.flush(cell)?;
-        if records.len() < BUFFER_BYTES / 2 {
-            self.buffer(cell, records)
-        } else {
-            self.write(cell, records)
+        if let Some(thinning) = &self.options.storage.thinning {
+            buffer.points.thin(self.options.record_length, thinning);
         }
+        if buffer.points.bytes() > BUFFER_BYTES / 2 {
+            self.flush(cell)?;
+        }
+        Ok(())
     }
 
     /// Flushes the fullest buffer; of equally full buffers, that of the first cell.
     fn flush_fullest(&mut self) -> Result<(), TileError> {
         // A loop of comparisons: as `max_by_key` it took a seventh of the time of a scatter.
         let mut fullest: Option<(usize, CellKey)> = None;
-        for (&cell, records) in &self.buffers {
-            let length = records.len();
+        for (&cell, buffer) in &self.buffers {
+            let length = buffer.points.bytes();
             let is_fuller = |(most, first)| length > most || length == most && cell < first;
             if fullest.is_none_or(is_fuller) {
                 fullest = Some((length, cell));
@@ -193,27 +291,26 @@ impl SpillAppender {
         fullest.map_or(Ok(()), |(_, cell)| self.flush(cell))
     }
 
-    /// Writes the buffer of `cell` to the file.
+    /// Writes the buffer of `cell` to the end of the file, as a chunk.
     fn flush(&mut self, cell: CellKey) -> Result<(), TileError> {
-        match self.buffers.remove(&cell) {
-            Some(records) if !records.is_empty() => self.write(cell, &records),
-            _ => Ok(()),
-        }
-    }
-
-    /// Writes `records` to the end of the file, as a chunk of `cell`.
-    fn write(&mut self, cell: CellKey, records: &[u8]) -> Result<(), TileError> {
-        self.file
-            .write_all(records)
-            .map_err(|source| TileError::io("write to", &self.path, source))?;
-        let (offset, bytes) = (self.index.bytes, records.len() as u64);
-        self.index.chunks.push(Chunk {
+        let (Some(buffer), Some(spill)) = (self.buffers.remove(&cell), &mut self.file) else {
+            return Ok(());
+        };
+        let CellPoints { mut records, sums } = buffer.points;
+        let chunk = Chunk {
             cell,
             file: 0,
-            offset,
-            bytes,
-        });
-        self.index.bytes += bytes;
+            offset: self.index.bytes,
+            records: records.len() as u64,
+            sums: sums.len() as u64,
+        };
+        CellPoints::encode_sums(&sums, &mut records);
+        spill
+            .file
+            .write_all(&records)
+            .map_err(|source| TileError::io("write to", &spill.path, source))?;
+        self.index.bytes = chunk.end();
+        self.index.chunks.push(chunk);
         Ok(())
     }
 
@@ -224,9 +321,20 @@ impl SpillAppender {
         for cell in waiting {
             self.flush(cell)?;
         }
-        self.file
-            .sync_all()
-            .map_err(|source| TileError::io("flush", &self.path, source))
+        match &self.file {
+            Some(SpillFile { path, file }) => file
+                .sync_all()
+                .map_err(|source| TileError::io("flush", path, source)),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Buffer {
+    /// Adds a part of a batch.
+    fn add(&mut self, part: &CellOfBatch, points: &CellPoints) {
+        let (records, sums) = (&points.records[part.records.clone()], &points.sums);
+        self.points.extend(records, &sums[part.sums.clone()]);
     }
 }
 

@@ -9,7 +9,7 @@
 //!   magic, edge, record length, bytes                   4 × u64
 //!   chunks, cells, sources                              3 × u64
 //!   bounds: min and max of x, y, z                      6 × i32
-//!   chunks: row, column, offset, bytes                  24 bytes each
+//!   chunks: row, column, offset, bytes of records, sums 32 bytes each
 //!   cells: row, column, points of each counting square  8 + 64 × 8 bytes each
 //!   sources: read, rejected, filtered, outside, ended   5 × u64 each
 //! ```
@@ -20,17 +20,18 @@ use std::{
 };
 
 use super::{
+    cell_points::CellPoints,
     checksummed_file::{read_checksummed, write_checksummed},
     error::TileError,
 };
 use crate::las::PointCounts;
 use crate::tiling::{Bounds, CellGrid, CellKey, MAX_OCCUPIED_CELLS, SQUARES_PER_CELL_EDGE};
 
-const MAGIC: u64 = u64::from_le_bytes(*b"llspill3");
+const MAGIC: u64 = u64::from_le_bytes(*b"llspill4");
 /// Bytes of x, y and z at the beginning of every record.
 const COORDINATE_BYTES: usize = 12;
 /// Bytes of a chunk in the index.
-const CHUNK_BYTES: u64 = 24;
+const CHUNK_BYTES: u64 = 32;
 /// Bytes of a cell in the index.
 const CELL_BYTES: u64 = 8 + 8 * SQUARES_PER_CELL as u64;
 /// The number of counting squares of a cell.
@@ -39,7 +40,8 @@ const SQUARES_PER_CELL: usize = (SQUARES_PER_CELL_EDGE * SQUARES_PER_CELL_EDGE) 
 /// The number of points of every counting square of a cell, row by row.
 pub(super) type SquareCounts = [u64; SQUARES_PER_CELL];
 
-/// Records of one cell that are contiguous in a file of the spill.
+/// Records of one cell that are contiguous in a file of the spill, followed by sums of points whose
+/// records are not kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Chunk {
     /// The cell that contains the points.
@@ -50,7 +52,21 @@ pub(super) struct Chunk {
     /// The offset of the first record in the file, in bytes.
     pub(super) offset: u64,
     /// The length of all records, in bytes.
-    pub(super) bytes: u64,
+    pub(super) records: u64,
+    /// The number of sums.
+    pub(super) sums: u64,
+}
+
+impl Chunk {
+    /// The length of records and sums, in bytes.
+    pub(super) fn bytes(&self) -> u64 {
+        self.records + self.sums * CellPoints::SUM_BYTES as u64
+    }
+
+    /// The offset of the first byte behind the chunk.
+    pub(super) fn end(&self) -> u64 {
+        self.offset + self.bytes()
+    }
 }
 
 /// How far a source has been scattered.
@@ -69,7 +85,7 @@ pub(super) struct SpillIndex {
     pub(super) grid: CellGrid,
     /// The length of a record, in bytes.
     pub(super) record_length: usize,
-    /// The length of all records, in bytes.
+    /// The length of all records and sums, in bytes.
     pub(super) bytes: u64,
     /// The true bounds of the points.
     pub(super) bounds: Bounds,
@@ -113,6 +129,34 @@ impl SpillIndex {
     /// Whether so many cells are occupied that the grid must be made coarser.
     pub(super) fn has_too_many_cells(&self) -> bool {
         self.counts.len() > MAX_OCCUPIED_CELLS
+    }
+
+    /// Counts the points of the `squares` of `cell` of `grid`, which is this grid or a finer one.
+    /// Returns the cell of this grid that contains them.
+    pub(super) fn count(
+        &mut self,
+        mut cell: CellKey,
+        mut grid: CellGrid,
+        squares: &SquareCounts,
+    ) -> CellKey {
+        let mut coarser;
+        let mut squares = squares;
+        while grid.edge() < self.grid.edge() {
+            let mut joined = [0; _];
+            for (square, count) in squares.iter().enumerate() {
+                joined[CellGrid::square_in_parent(cell, square)] += count;
+            }
+            coarser = joined;
+            squares = &coarser;
+            cell = cell.parent();
+            grid = grid.coarser();
+        }
+        let counts = self.counts.entry(cell);
+        let counts = counts.or_insert_with(|| Box::new([0; _]));
+        for (count, more) in counts.iter_mut().zip(squares) {
+            *count += more;
+        }
+        cell
     }
 
     /// Joins every four cells to one.
@@ -208,7 +252,8 @@ impl SpillIndex {
             out.extend(chunk.cell.row.to_le_bytes());
             out.extend(chunk.cell.column.to_le_bytes());
             out.extend(chunk.offset.to_le_bytes());
-            out.extend(chunk.bytes.to_le_bytes());
+            out.extend(chunk.records.to_le_bytes());
+            out.extend(chunk.sums.to_le_bytes());
         }
         for (cell, squares) in &self.counts {
             out.extend(cell.row.to_le_bytes());
@@ -293,13 +338,18 @@ impl Reader<'_> {
     /// Takes a chunk of records of `record_length` bytes in a file of `total` bytes.
     fn chunk(&mut self, record_length: usize, total: u64) -> Option<Chunk> {
         let cell = self.cell()?;
-        let (offset, bytes) = (self.u64()?, self.u64()?);
-        let is_whole = record_length >= COORDINATE_BYTES && bytes % record_length as u64 == 0;
-        (is_whole && offset.checked_add(bytes)? <= total).then_some(Chunk {
+        let (offset, records, sums) = (self.u64()?, self.u64()?, self.u64()?);
+        let is_whole = record_length >= COORDINATE_BYTES && records % record_length as u64 == 0;
+        let end = sums
+            .checked_mul(CellPoints::SUM_BYTES as u64)?
+            .checked_add(records)?
+            .checked_add(offset)?;
+        (is_whole && end <= total).then_some(Chunk {
             cell,
             file: 0,
             offset,
-            bytes,
+            records,
+            sums,
         })
     }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{spill::Spill, spill_writer::SpillWriter};
+use super::{cell_points::Spilled, spill::Spill, spill_writer::SpillWriter};
 use crate::{
     geometry::Rect,
     las::{RecordSorter, SortedRecords, SortingSpace, StoreError},
@@ -63,7 +63,12 @@ impl SortedRecords for Spill {
         let mut records = Vec::new();
         self.gather_each(
             rect,
-            |found: &mut Vec<u8>, record| found.extend(record),
+            |found: &mut Vec<u8>, spilled| {
+                if let Spilled::Record(record) = spilled {
+                    found.extend(record);
+                }
+            },
+            |found| found,
             |found| records.extend(found),
         )?;
         Ok(records)

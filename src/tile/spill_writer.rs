@@ -1,19 +1,19 @@
 //! A spill that one thread fills without interruption.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::{
     batch::Batch,
     error::TileError,
     spill::Spill,
     spill_appender::{AppendOptions, SpillAppender},
+    storage::Storage,
 };
 use crate::las::PointCounts;
 use crate::tiling::CellGrid;
 
 /// Takes records in any order, so that they can be gathered by rectangles.
 pub(super) struct SpillWriter {
-    stem: PathBuf,
     appender: SpillAppender,
     record_length: usize,
 }
@@ -36,9 +36,9 @@ impl SpillWriter {
             buffer_bytes,
             // A spill that is filled without interruption is not resumed.
             checkpoint_bytes: u64::MAX,
+            storage: Storage::default(),
         };
         Ok(Self {
-            stem: stem.to_owned(),
             appender: SpillAppender::open(stem, grid, &options, 1)?,
             record_length,
         })
@@ -55,7 +55,7 @@ impl SpillWriter {
             ..PointCounts::default()
         };
         let grid = self.appender.grid();
-        let batch = Batch::sorted_by_cell(0, counts, records, grid, self.record_length);
+        let batch = Batch::sorted_by_cell(0, counts, records, grid, self.record_length, None);
         self.appender.append(&batch)
     }
 
@@ -65,7 +65,6 @@ impl SpillWriter {
     ///
     /// [`TileError::Io`] if it cannot be written.
     pub(super) fn finish(self) -> Result<Spill, TileError> {
-        self.appender.finish()?;
-        Spill::open(&self.stem)
+        self.appender.finish()
     }
 }

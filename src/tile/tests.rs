@@ -3,14 +3,17 @@
 use std::sync::atomic::AtomicBool;
 
 use super::{
+    cell_points::{CellPoints, Spilled},
     error::TileError,
-    scatter::{ScatterOptions, scatter},
+    scatter::{ScatterOptions, scatter_into},
     source::{Opener, Source, SourceError},
     spill::Spill,
+    storage::Storage,
 };
 use crate::{
-    geometry::{Rect, Stored, spread},
+    geometry::{Quantization, Rect, Stored, spread},
     las::PointCounts,
+    lloyd::{SolverOptions, Thinning},
     tiling::CellGrid,
 };
 
@@ -47,6 +50,19 @@ fn try_scatter(
     most: usize,
     dir: &std::path::Path,
 ) -> Result<u64, TileError> {
+    let storage = Storage::default();
+    try_storing(records, edge, options, storage, most, dir).map(|(before, _)| before)
+}
+
+/// Scatters like [`try_scatter`] what `storage` keeps, and returns the spill, too.
+fn try_storing(
+    records: &[Vec<u8>],
+    edge: i64,
+    options: ScatterOptions,
+    storage: Storage,
+    most: usize,
+    dir: &std::path::Path,
+) -> Result<(u64, Spill), TileError> {
     let sources: Vec<Opener<'_>> = records
         .chunks(records.len() / 5 + 1)
         .map(|part| {
@@ -69,15 +85,16 @@ fn try_scatter(
         );
     };
     let cancel = AtomicBool::new(false);
-    scatter(
+    let spill = scatter_into(
         sources,
         CellGrid::new(edge),
         &dir.join("spill"),
         options,
+        storage,
         &progress,
         &cancel,
     )?;
-    Ok(first.into_inner())
+    Ok((first.into_inner(), spill))
 }
 
 /// Makes `n` records of 16 bytes: coordinates within ±`extent`, and the number of the record.
@@ -277,4 +294,133 @@ fn a_grid_of_too_many_cells_is_made_coarser() {
         .collect();
     assert_eq!(edges[0], edges[1]);
     assert!((10_000_000..100_000_000).contains(&edges[0]), "{edges:?}");
+}
+
+/// What is thinned: a millimetre to a stored unit, voxels of 0.4.
+fn thinning() -> Thinning {
+    let quantization = Quantization {
+        scale: 0.001,
+        offset: [0.0; 3],
+    };
+    Thinning::new(&quantization, &SolverOptions::new(1.2))
+}
+
+/// Records and sums of the spill, thinned as one.
+fn thinned(spill: &Spill) -> CellPoints {
+    let everywhere = Rect {
+        min: [-6000; 2],
+        max: [6000; 2],
+    };
+    let mut all = CellPoints::default();
+    spill
+        .gather_each(
+            &everywhere,
+            |part: &mut CellPoints, spilled| match spilled {
+                Spilled::Record(record) => part.records.extend(record),
+                Spilled::Sum(sum) => part.sums.push(*sum),
+            },
+            |part| part,
+            |part| all.extend(&part.records, &part.sums),
+        )
+        .unwrap();
+    sorted_and_thinned(all)
+}
+
+fn sorted_and_thinned(mut points: CellPoints) -> CellPoints {
+    points.thin(16, &thinning());
+    let mut records: Vec<&[u8]> = points.records.chunks(16).collect();
+    records.sort_unstable();
+    let mut sums = points.sums.clone();
+    sums.sort_unstable();
+    CellPoints {
+        records: records.concat(),
+        sums,
+    }
+}
+
+/// Records in crowded voxels, some at one position with different numbers.
+fn crowded() -> Vec<Vec<u8>> {
+    let mut all = records(30_000, 1500);
+    for again in 0..6_000 {
+        let mut record = all[again].clone();
+        record[12..].copy_from_slice(&(40_000 + again as u32).to_le_bytes());
+        all.push(record);
+    }
+    all
+}
+
+#[test]
+fn points_thinned_as_they_come_are_those_thinned_at_once() {
+    let all = crowded();
+    let at_once = sorted_and_thinned(CellPoints {
+        records: all.concat(),
+        sums: Vec::new(),
+    });
+    assert!(at_once.records.len() < 16 * all.len() / 4);
+    let storage = |memory_bytes| Storage {
+        thinning: Some(thinning()),
+        memory_bytes,
+    };
+    // In a file, in memory, and in a file because memory was too small after all.
+    for (memory_bytes, is_in_memory) in [(0, false), (1 << 30, true), (60_000, false)] {
+        for edge in [8, 900] {
+            let dir = tempfile::tempdir().unwrap();
+            let (_, spill) = try_storing(
+                &all,
+                edge,
+                OPTIONS,
+                storage(memory_bytes),
+                usize::MAX,
+                dir.path(),
+            )
+            .unwrap();
+            assert_eq!(spill.points(), all.len() as u64);
+            assert_eq!(spill.resident_bytes() > 0, is_in_memory);
+            assert_eq!(dir.path().join("spill.bin").exists(), !is_in_memory);
+            assert!(!is_in_memory || spill.values() < all.len() as u64 / 3);
+            let found = thinned(&spill);
+            assert_eq!(found.records, at_once.records);
+            assert_eq!(found.sums, at_once.sums);
+        }
+    }
+}
+
+#[test]
+fn a_stopped_scatter_of_thinned_points_goes_on_from_its_checkpoint() {
+    let all = crowded();
+    let options = ScatterOptions {
+        checkpoint_bytes: 40_000,
+        keep_going: true,
+        ..OPTIONS
+    };
+    let storage = Storage {
+        thinning: Some(thinning()),
+        memory_bytes: 0,
+    };
+    let dir = tempfile::tempdir().unwrap();
+    try_storing(&all, 300, options, storage, 15, dir.path()).unwrap_err();
+    let (before, spill) = try_storing(&all, 300, options, storage, usize::MAX, dir.path()).unwrap();
+    assert!(before >= 2500, "{before} points were in the spill");
+    let at_once = sorted_and_thinned(CellPoints {
+        records: all.concat(),
+        sums: Vec::new(),
+    });
+    let found = thinned(&spill);
+    assert_eq!(found.records, at_once.records);
+    assert_eq!(found.sums, at_once.sums);
+}
+
+/// The counts by which tiles are cut are those of all points, thinned or not.
+#[test]
+fn thinned_points_are_counted_by_squares_as_all_points_are() {
+    let all = crowded();
+    let dirs = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    let plain = spilled(&all, 300, 2, dirs[0].path());
+    let storage = Storage {
+        thinning: Some(thinning()),
+        memory_bytes: 1 << 30,
+    };
+    let (_, spill) = try_storing(&all, 300, OPTIONS, storage, usize::MAX, dirs[1].path()).unwrap();
+    assert!(spill.squares().eq(plain.squares()));
+    assert_eq!(spill.bounds(), plain.bounds());
 }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::{Bounds, CellGrid, MAX_OCCUPIED_CELLS};
 use crate::{
     geometry::{Quantization, Rect, Stored},
-    lloyd::{Scan, SolverOptions},
+    lloyd::{SolverOptions, ThinnedPoints, Thinning},
 };
 
 /// A cloud whose points are counted by squares of the plane and can be gathered by rectangles.
@@ -44,7 +44,7 @@ pub(crate) trait CountedCloud: Sync {
         quantization: &Quantization,
         options: &SolverOptions,
         thinning_limit: u64,
-    ) -> Result<Vec<Stored>, Self::Error>;
+    ) -> Result<ThinnedPoints, Self::Error>;
 }
 
 /// Points in memory, sorted by counting square.
@@ -125,7 +125,7 @@ where
         quantization: &Quantization,
         options: &SolverOptions,
         thinning_limit: u64,
-    ) -> Result<Vec<Stored>, E> {
+    ) -> Result<ThinnedPoints, E> {
         (self.stop)()?;
         let edge = self.grid.square();
         let [first, last] =
@@ -148,10 +148,11 @@ where
                 rest = &rest[1..];
             }
         }
-        if gathered.len() as u64 > thinning_limit {
-            gathered = Scan::thinned(gathered, quantization, options);
-        }
-        Ok(gathered)
+        let gathered = ThinnedPoints::from(gathered);
+        Ok(match gathered.len() as u64 > thinning_limit {
+            true => Thinning::new(quantization, options).thinned(gathered),
+            false => gathered,
+        })
     }
 }
 
@@ -190,7 +191,8 @@ mod tests {
             let options = SolverOptions::new(0.1);
             let mut gathered = cloud
                 .gather(&rect, &quantization, &options, u64::MAX)
-                .unwrap();
+                .unwrap()
+                .kept;
             let mut expected: Vec<Stored> = points
                 .iter()
                 .copied()

@@ -129,12 +129,6 @@ impl CellGrid {
         }
     }
 
-    /// The cell that the counting square `index` is a part of.
-    pub(crate) fn cell_of_square(&self, index: [i64; 2]) -> CellKey {
-        let [column, row] = index.map(|c| c.div_euclid(SQUARES_PER_CELL_EDGE) as i32);
-        CellKey { row, column }
-    }
-
     /// The part of the plane that `cell` covers.
     pub(crate) fn rect(&self, cell: CellKey) -> Rect {
         let min = [cell.column, cell.row].map(|c| i64::from(c) * self.edge);
@@ -181,7 +175,6 @@ mod tests {
                     let square = CellGrid::square_in_parent(cell, grid.square_in_cell(point));
                     assert_eq!(square, coarser.square_in_cell(point));
                     let square = grid.square_of(point);
-                    assert_eq!(grid.cell_of_square(square), cell);
                     assert!(grid.rect_of_square(square).contains(point));
                 }
             }

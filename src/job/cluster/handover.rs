@@ -19,6 +19,7 @@ use crate::{
         stages::{
             plan::JobPlan,
             preparation::{join_scatter, prepare},
+            scatter::SpillReaders,
         },
     },
     las::RecordFormat,
@@ -111,7 +112,8 @@ impl JobDescription {
         job.check_output()?;
         let threads = job.settings.resources.threads;
         let planned = RunContext::with(&job, threads, progress, cancel, |run| {
-            run.pool.install(|| prepare(run, worker))
+            run.pool
+                .install(|| prepare(run, worker, SpillReaders::Others))
         })?;
         planned
             .map(|planned| {

@@ -28,6 +28,8 @@ const BYTES_PER_SEED: f64 = 900.0;
 /// once. With the costs above and a share of 0.85 fifteen runs of the demo's job, whose three tiles
 /// just fit, had peaks of 68 to 93 % of 256 MiB.
 const USABLE_SHARE: f64 = 0.8;
+/// Share of the budget that scattered points may take; tiles have the rest.
+const LARGEST_SPILL_SHARE: f64 = 0.3;
 /// The largest cost of a tile in bytes, however large the budget: a stopped job loses the tile that
 /// it was solving.
 const LARGEST_TILE_BYTES: u64 = 5 << 29;
@@ -39,6 +41,8 @@ pub(crate) struct Budget {
     pub(crate) total: u64,
     /// Worker threads.
     pub(crate) threads: usize,
+    /// Bytes of the scattered points that stay in memory throughout.
+    pub(crate) held: u64,
 }
 
 impl Budget {
@@ -48,7 +52,21 @@ impl Budget {
         Self {
             total: requested.unwrap_or_else(by_machine),
             threads,
+            held: 0,
         }
+    }
+
+    /// The budget of a job whose scattered points take `bytes` of memory.
+    pub(crate) fn holding(self, bytes: u64) -> Self {
+        Self {
+            held: bytes,
+            ..self
+        }
+    }
+
+    /// Bytes of scattered points that may stay in memory.
+    pub(crate) fn spill(&self) -> u64 {
+        (self.total.saturating_sub(BASE_BYTES) as f64 * LARGEST_SPILL_SHARE) as u64
     }
 
     /// Number of decoders that may work at once.
@@ -64,7 +82,8 @@ impl Budget {
 
     /// Bytes that the points in memory may take.
     pub(crate) fn usable(&self) -> u64 {
-        (self.total.saturating_sub(BASE_BYTES) as f64 * USABLE_SHARE) as u64
+        let left = self.total.saturating_sub(BASE_BYTES + self.held);
+        (left as f64 * USABLE_SHARE) as u64
     }
 
     /// Largest cost of a tile in bytes.
@@ -79,7 +98,7 @@ impl Budget {
 
     /// The smallest budget, in bytes, with which a tile that costs `bytes` fits.
     pub(crate) fn needed(&self, bytes: f64) -> u64 {
-        BASE_BYTES + (bytes / USABLE_SHARE).ceil() as u64
+        BASE_BYTES + self.held + (bytes / USABLE_SHARE).ceil() as u64
     }
 
     /// The smallest budget, in bytes, with which any job is begun.
@@ -88,10 +107,10 @@ impl Budget {
     }
 }
 
-/// The cost in bytes of a tile with `points` and `seeds`.
-pub(crate) fn tile_bytes(points: f64, seeds: f64) -> f64 {
-    // Each point and each filled position occupies at most one voxel.
-    let voxels = (seeds * VOXELS_PER_SEED).min(points + seeds * FILLED_POSITIONS_PER_SEED);
+/// The cost in bytes of a tile with `points` in at most `voxels`, and `seeds`.
+pub(crate) fn tile_bytes(points: f64, voxels: f64, seeds: f64) -> f64 {
+    // Each filled position occupies a voxel of its own.
+    let voxels = (seeds * VOXELS_PER_SEED).min(voxels + seeds * FILLED_POSITIONS_PER_SEED);
     (BYTES_PER_POINT_READ + BYTES_PER_POINT_SOLVED) * points
         + BYTES_PER_VOXEL * voxels
         + BYTES_PER_SEED * seeds
@@ -114,7 +133,7 @@ mod tests {
     #[test]
     fn a_tile_that_was_planned_fits_its_budget() {
         for total in [256 << 20, 1 << 30] {
-            let budget = Budget { total, threads: 2 };
+            let budget = Budget::new(Some(total), 2);
             assert!(budget.tile() < LARGEST_TILE_BYTES);
             let bytes = budget.tile() as f64;
             assert!(budget.needed(bytes) <= total);

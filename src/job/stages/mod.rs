@@ -18,7 +18,7 @@ pub(crate) mod planned_job;
 pub(crate) mod preparation;
 mod provenance;
 pub(crate) mod scan_groups;
-mod scatter;
+pub(crate) mod scatter;
 mod scattered_cloud;
 pub(crate) mod solve;
 mod spacing;

@@ -1,9 +1,17 @@
 //! Everything that precedes the solving of tiles: survey, scatter, spacing, plan.
 
 use super::{
-    checksums::checksums, input_counts::input_counts, no_points::no_points, plan::plan_tiles,
-    planned_job::PlannedJob, scatter::scatter_readable, scattered_cloud::ScatteredCloud,
-    spacing::choose_spacing, survey::Survey, tile_solver::TileSolver, transfer::Transfer,
+    checksums::checksums,
+    input_counts::input_counts,
+    no_points::no_points,
+    plan::plan_tiles,
+    planned_job::PlannedJob,
+    scatter::{SpillReaders, scatter_readable},
+    scattered_cloud::ScatteredCloud,
+    spacing::choose_spacing,
+    survey::Survey,
+    tile_solver::TileSolver,
+    transfer::Transfer,
 };
 use crate::job::{
     cluster::Worker,
@@ -16,7 +24,7 @@ use crate::job::{
 
 /// Brings the job to the point where its tiles can be solved, from where earlier runs stopped.
 /// Returns `None` if an earlier run has delivered the output. If several processes have begun to
-/// scatter the job, this one joins them as `worker`.
+/// scatter the job, this one joins them as `worker`. `readers` will read the scattered points.
 ///
 /// # Errors
 ///
@@ -24,6 +32,7 @@ use crate::job::{
 pub(crate) fn prepare(
     run: &RunContext<'_>,
     worker: &Worker,
+    readers: SpillReaders,
 ) -> Result<Option<PlannedJob>, JobError> {
     let job = run.job;
 
@@ -45,7 +54,7 @@ pub(crate) fn prepare(
     run.clock.end_stage("survey");
 
     // Scatter and plan.
-    match scatter_and_plan(run, &directory, survey, &inputs, worker) {
+    match scatter_and_plan(run, &directory, survey, &inputs, worker, readers) {
         Ok((survey, checksums, solver)) => Ok(Some(PlannedJob {
             inputs: input_counts(&survey, &solver.spill),
             directory,
@@ -80,6 +89,7 @@ pub(crate) fn join_scatter(run: &RunContext<'_>, worker: &Worker) -> Result<(), 
     let scatter = super::scatter::Scatter {
         run,
         survey: &survey,
+        readers: SpillReaders::Others,
     };
     check_room(&[scatter.disk_need()])?;
     scatter.share(worker)?;
@@ -112,11 +122,12 @@ fn scatter_and_plan(
     survey: Survey,
     inputs: &InputStamps,
     worker: &Worker,
+    readers: SpillReaders,
 ) -> Result<(Survey, Vec<String>, TileSolver), JobError> {
     let settings = &run.job.settings;
 
     // Scatter every point to the spill of its cell.
-    let (survey, spill) = scatter_readable(run, directory, survey, worker)?;
+    let (survey, spill) = scatter_readable(run, directory, survey, worker, readers)?;
     run.clock.end_stage("scatter");
     if spill.points() == 0 {
         return Err(no_points(&survey, &spill));
@@ -128,6 +139,7 @@ fn scatter_and_plan(
         directory,
         survey: &survey,
         spill: &spill,
+        budget: run.budget.holding(spill.resident_bytes()),
     };
     let (spacing, points_out) = choose_spacing(&cloud)?;
     let sites_per_point = points_out as f64 / spill.points() as f64;

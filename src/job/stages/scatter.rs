@@ -8,6 +8,7 @@ use super::{
     input_parts::InputPart,
     scan_groups::{POINTS, ScanGroups, open_spill, single_spill},
     survey::Survey,
+    transfer::Transfer,
 };
 use crate::{
     job::{
@@ -18,12 +19,27 @@ use crate::{
         progress::{Progress, Unit},
     },
     las::{LasError, PointCounts, PointStream},
-    tile::{Opener, ScatterOptions, Source, SourceError, Spill, TileError, scatter},
+    lloyd::Thinning,
+    spacing::Target,
+    tile::{Opener, ScatterOptions, Source, SourceError, Spill, Storage, TileError, scatter_into},
     tiling::CellGrid,
 };
 
 /// Bytes that are spilled between checkpoints: a scatter that is killed loses as many.
 const CHECKPOINT_BYTES: u64 = 1 << 30;
+
+/// The largest number of points, as headers claim it, that a scatter may keep in memory alone: it
+/// begins anew if it is killed. Two cores decode as many in some half a minute.
+const MOST_POINTS_WITHOUT_FILE: u64 = 64_000_000;
+
+/// Who will read the scattered points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum SpillReaders {
+    /// This process alone.
+    ThisProcess,
+    /// Other processes, which need files.
+    Others,
+}
 
 /// Name of the file in the job directory that lists the inputs found to be damaged as they were
 /// decoded.
@@ -46,6 +62,7 @@ pub(super) fn scatter_readable(
     directory: &JobDirectory,
     mut survey: Survey,
     worker: &Worker,
+    readers: SpillReaders,
 ) -> Result<(Survey, Spill), JobError> {
     let leaves_out = run.job.skip_bad_files;
 
@@ -61,6 +78,7 @@ pub(super) fn scatter_readable(
         let scatter = Scatter {
             run,
             survey: &survey,
+            readers,
         };
         check_room(&[scatter.disk_need()])?;
         match scatter.complete(worker) {
@@ -85,6 +103,7 @@ pub(super) struct Scatter<'a> {
     pub(super) run: &'a RunContext<'a>,
     /// The headers of the inputs.
     pub(super) survey: &'a Survey,
+    pub(super) readers: SpillReaders,
 }
 
 impl Scatter<'_> {
@@ -118,15 +137,23 @@ impl Scatter<'_> {
         let parts = InputPart::all(self.survey);
 
         // Scatter what is not in a spill.
-        if !Claim::all(&POINTS, self.dir())?.is_empty() {
-            self.share(worker)?;
-        } else if !Spill::is_complete(&single_spill(self.dir())) {
+        let is_shared = !Claim::all(&POINTS, self.dir())?.is_empty();
+        let spill = if is_shared || Spill::is_complete(&single_spill(self.dir())) {
+            if is_shared {
+                self.share(worker)?;
+            }
+            open_spill(self.dir())?
+        } else {
             let points = InputPart::points_in(&parts);
             self.run.progress.begin("scatter", points, 0, Unit::Points);
-            self.spill(&parts, &single_spill(self.dir()))?;
+            let memory_bytes = match points <= MOST_POINTS_WITHOUT_FILE && !self.has_readers() {
+                true => self.run.budget.spill(),
+                false => 0,
+            };
+            let spill = self.spill(&parts, &single_spill(self.dir()), memory_bytes)?;
             self.run.progress.end();
-        }
-        let spill = open_spill(self.dir())?;
+            spill
+        };
 
         // Check conservation: every point that was read is spilled, or was left out.
         let kept: u64 = spill
@@ -176,12 +203,12 @@ impl Scatter<'_> {
         // Scatter one free group after the other.
         let leaves_to_others = run.job.skip_bad_files && !worker.waits_for_others;
         let given_up = worker.share(&POINTS, dir, count, run.cancel, |claim, _| {
-            match self.spill(groups[claim.group], &claim.stem) {
+            match self.spill(groups[claim.group], &claim.stem, 0) {
                 Err(error @ JobError::BadFiles(_)) if leaves_to_others => {
                     run.progress.note(&error.to_string());
                     Ok(false)
                 }
-                other => other.map(|()| true),
+                other => other.map(|_| true),
             }
         })?;
         run.progress.end();
@@ -214,9 +241,20 @@ impl Scatter<'_> {
         })
     }
 
-    /// Brings `parts` to the spill at `stem`, and continues where an earlier run stopped.
-    fn spill(&self, parts: &[InputPart], stem: &Path) -> Result<(), JobError> {
-        let Self { run, survey } = *self;
+    /// Whether anybody reads the scattered points after this process.
+    fn has_readers(&self) -> bool {
+        self.run.job.keep || self.readers == SpillReaders::Others
+    }
+
+    /// Brings `parts` to the spill at `stem`, and continues where an earlier run stopped. At most
+    /// `memory_bytes` of points stay in memory.
+    fn spill(
+        &self,
+        parts: &[InputPart],
+        stem: &Path,
+        memory_bytes: u64,
+    ) -> Result<Spill, JobError> {
+        let Self { run, survey, .. } = *self;
         let sources = parts
             .iter()
             .map(|part| {
@@ -243,10 +281,29 @@ impl Scatter<'_> {
         let usual_edge = (1.0 / survey.quantization.scale).ceil() as i64;
         let grid = CellGrid::for_extent(survey.extent_claimed(), usual_edge);
         let progress = |points| run.progress.advance(points);
-        scatter(sources, grid, stem, options, &progress, run.cancel).map_err(|error| match error {
+        let storage = Storage {
+            thinning: self.thinning(),
+            memory_bytes,
+        };
+        let spill = scatter_into(sources, grid, stem, options, storage, &progress, run.cancel);
+        spill.map_err(|error| match error {
             TileError::Sources(failures) => bad_files(survey, parts, failures),
             other => JobError::Tile(other),
         })
+    }
+
+    /// The rule by which points are thinned as they come, if the spacing is known and attributes
+    /// come from the nearest points alone.
+    fn thinning(&self) -> Option<Thinning> {
+        let Self { run, survey, .. } = *self;
+        let settings = &run.job.settings;
+        match settings.target {
+            Target::Spacing(spacing) if !Transfer::new(&survey.record, settings).needs_cells() => {
+                let options = settings.solver.at(spacing, 0.0);
+                Some(Thinning::new(&survey.quantization, &options))
+            }
+            _ => None,
+        }
     }
 
     fn dir(&self) -> &Path {

@@ -3,7 +3,7 @@
 use super::survey::Survey;
 use crate::{
     geometry::Quantization,
-    job::{context::RunContext, directory::JobDirectory},
+    job::{context::RunContext, directory::JobDirectory, resources::Budget},
     tile::Spill,
 };
 
@@ -17,6 +17,8 @@ pub(crate) struct ScatteredCloud<'a> {
     pub(crate) survey: &'a Survey,
     /// The points.
     pub(crate) spill: &'a Spill,
+    /// The budget beside the points that stay in memory.
+    pub(crate) budget: Budget,
 }
 
 impl ScatteredCloud<'_> {

@@ -79,11 +79,9 @@ impl TileSolver {
         let known = tile.core.grown(self.plan.plan.halo);
         let limit = points_for(tile.cost);
         let points = CountedCloud::gather(&self.spill, &known, &quantization, options, limit)?;
-        let unsmoothed = (options.smooth > 0.0).then(|| {
-            let thinned = Scan::thinned(points.clone(), &quantization, options);
-            Scan::as_scanned(thinned, quantization, options)
-        });
-        let scan = Scan::new(points, quantization, options);
+        let unsmoothed =
+            (options.smooth > 0.0).then(|| Scan::thinned(points.clone(), quantization, options));
+        let scan = Scan::prepared(points, quantization, options);
         Ok(LoadedTile {
             tile,
             known,

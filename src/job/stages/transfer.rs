@@ -16,7 +16,7 @@ use crate::{
     job::error::JobError,
     las::{RealAttribute, RecordFormat, RecordView},
     lloyd::{Scan, Site},
-    tile::Spill,
+    tile::{Spill, Spilled},
 };
 
 /// Largest distance at which an input point is matched with an output point, or an output point with
@@ -116,7 +116,7 @@ impl Transfer {
     }
 
     /// Whether records depend on all points in a cell, not only on the nearest one.
-    fn needs_cells(&self) -> bool {
+    pub(super) fn needs_cells(&self) -> bool {
         let needs = |(computed, _): &(Computed, Vec<RealAttribute>)| *computed == Computed::Density;
         self.color == ColorRule::Mean
             || self.class == ClassRule::Majority
@@ -179,7 +179,10 @@ impl Transfer {
         let mut all = Gathered::default();
         spill.gather_each(
             tile.known,
-            |part: &mut Gathered, record| {
+            |part: &mut Gathered, spilled| {
+                let Spilled::Record(record) = spilled else {
+                    return;
+                };
                 let point = Stored::of_record(record);
                 if wanted.contains(&point) {
                     keep_smallest(&mut part.records, point, record);
@@ -192,6 +195,7 @@ impl Transfer {
                     cell.add(record, self.record.averaged_fields());
                 }
             },
+            |part| part,
             |part| {
                 for (point, record) in part.records {
                     keep_smallest(&mut all.records, point, &record);

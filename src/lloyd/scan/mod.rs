@@ -7,6 +7,9 @@ mod points;
 mod preparation;
 mod smoothing;
 mod surroundings;
+mod thinned;
 mod thinning;
 
 pub use points::Scan;
+pub(crate) use thinned::{PointSum, ThinnedPoints};
+pub(crate) use thinning::Thinning;

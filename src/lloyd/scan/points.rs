@@ -10,10 +10,14 @@
 //!
 //! Sums are of integers, so they do not depend on the order of the points.
 
-use std::ops::Range;
+use std::{cmp::Ordering, ops::Range};
 
 use rayon::prelude::*;
 
+use super::{
+    thinned::{PointSum, ThinnedPoints},
+    thinning::{Best, MOST_IN_VOXEL},
+};
 use crate::{
     geometry::{Local, NeighborGrid, OccupiedCells, Quantization, Stored, cell_of},
     lloyd::SolverOptions,
@@ -42,8 +46,8 @@ pub struct Scan {
     /// The voxels of the filling.
     pub(super) filled: OccupiedCells,
     samples: NeighborGrid,
-    /// Number of points in the voxel of each sample, in the order of the voxels; 0 for the
-    /// filling.
+    /// Number of points that the voxel of each sample keeps, in the order of the voxels; 0 for
+    /// the filling.
     counts: Vec<u32>,
 }
 
@@ -58,28 +62,96 @@ impl Scan {
         quantization: Quantization,
         options: &SolverOptions,
     ) -> Self {
+        Self::of_voxels(points.into(), quantization, options, usize::MAX)
+    }
+
+    /// The scan of `points`, of which a voxel keeps at most as many as thinning leaves.
+    ///
+    /// # Panics
+    ///
+    /// Unless spacing and fit radius are positive, and there are fewer than 2³² points.
+    pub(crate) fn thinned(
+        points: ThinnedPoints,
+        quantization: Quantization,
+        options: &SolverOptions,
+    ) -> Self {
+        Self::of_voxels(points, quantization, options, MOST_IN_VOXEL)
+    }
+
+    /// The scan of `points` by voxel; a voxel keeps at most `most` of them.
+    fn of_voxels(
+        points: ThinnedPoints,
+        quantization: Quantization,
+        options: &SolverOptions,
+        most: usize,
+    ) -> Self {
         let SolverOptions {
             fit_radius, seed, ..
         } = *options;
         assert!(fit_radius > 0.0, "a fit radius of {fit_radius}");
         let voxel = voxel_edge(&quantization, options);
-        let (voxels, points) =
-            OccupiedCells::sort_points(&points, |p| cell_of(quantization.local(p), voxel));
+        let ThinnedPoints { kept, sums } = points;
+        let (mut voxels, mut points) =
+            OccupiedCells::sort_points(&kept, |p| cell_of(quantization.local(p), voxel));
+        drop(kept);
 
+        // The sum of each voxel is that of all its points, kept or not.
         let ranges: Vec<Range<usize>> = voxels.ranges().collect();
-        let mean = |range: Range<usize>| {
-            let in_voxel = &points[range];
-            let mut sum = [0_i64; 3];
-            for p in in_voxel {
-                sum[0] += i64::from(p.x);
-                sum[1] += i64::from(p.y);
-                sum[2] += i64::from(p.z);
-            }
-            let weight = quantization.scale / in_voxel.len() as f64;
-            let count = u32::try_from(in_voxel.len()).expect("a tile has under 2^32 points");
-            (Local::from(sum.map(|s| s as f64 * weight)), count)
+        let sum = |range: &Range<usize>| {
+            let mut sum = PointSum::default();
+            points[range.clone()]
+                .iter()
+                .for_each(|&point| sum.add(point));
+            sum
         };
-        let (means, counts): (Vec<Local>, Vec<u32>) = ranges.into_par_iter().map(mean).unzip();
+        let mut totals: Vec<PointSum> = ranges.par_iter().map(sum).collect();
+        let mut is_thinned = vec![false; if sums.is_empty() { 0 } else { totals.len() }];
+        for sum in &sums {
+            // A voxel on the rim of what is known may have lost its points.
+            if let Some(index) = voxels.index_of(cell_of(quantization.local(sum.mean()), voxel)) {
+                totals[index].merge(sum);
+                is_thinned[index] = true;
+            }
+        }
+        drop(sums);
+
+        // Fewer points stay in crowded voxels.
+        let is_crowded = |index: usize| {
+            ranges[index].len() > most || is_thinned.get(index).is_some_and(|&thinned| thinned)
+        };
+        if (0..ranges.len()).into_par_iter().any(is_crowded) {
+            let mut best = Best::default();
+            let mut end = 0;
+            let mut counts = Vec::with_capacity(ranges.len());
+            for (index, range) in ranges.iter().enumerate() {
+                let start = end;
+                if is_crowded(index) {
+                    best.clear();
+                    for &point in &points[range.clone()] {
+                        best.consider(point.priority(seed), point, 0, |_, _| Ordering::Equal);
+                    }
+                    for point in best.points() {
+                        points[end] = point;
+                        end += 1;
+                    }
+                    points[start..end].sort_unstable();
+                } else {
+                    points.copy_within(range.clone(), end);
+                    end += range.len();
+                }
+                counts.push((end - start) as u32);
+            }
+            points.truncate(end);
+            points.shrink_to_fit();
+            voxels.set_counts(&counts);
+        }
+
+        let mean = |total: &PointSum| {
+            let weight = quantization.scale / total.count as f64;
+            Local::from(total.sum.map(|s| s as f64 * weight))
+        };
+        let means: Vec<Local> = totals.par_iter().map(mean).collect();
+        let counts = voxels.ranges().map(|range| range.len() as u32).collect();
         Self {
             quantization,
             seed,
@@ -91,17 +163,6 @@ impl Scan {
             samples: NeighborGrid::new(&means, SAMPLE_CELL_IN_FIT_RADII * fit_radius),
             counts,
         }
-    }
-
-    /// Largest number of points in one voxel.
-    pub(super) fn largest_count_in_voxel(&self) -> usize {
-        let counts = self.voxels.ranges().map(|range| range.len());
-        counts.max().unwrap_or(0)
-    }
-
-    /// The points, sorted by voxel.
-    pub(super) fn into_points(self) -> Vec<Stored> {
-        self.points
     }
 
     /// Adds the positions `filling`; of several in one voxel the smallest is kept.
@@ -155,7 +216,7 @@ impl Scan {
         &self.samples
     }
 
-    /// Number of points in the voxel of sample `index`; 0 for the filling.
+    /// Number of points that the voxel of sample `index` keeps; 0 for the filling.
     #[inline]
     pub fn count(&self, index: u32) -> u32 {
         self.counts[index as usize]

@@ -4,9 +4,7 @@
 //!   points ─► smoothed, if asked for ─► thinned ─► by voxel, with samples ─► holes closed
 //! ```
 
-use super::{
-    filling::filling, points::Scan, smoothing::smoothed, thinning::LARGEST_COUNT_IN_VOXEL,
-};
+use super::{filling::filling, points::Scan, smoothing::smoothed, thinned::ThinnedPoints};
 use crate::{
     geometry::{Quantization, Stored},
     lloyd::{SolverOptions, surface::Surface},
@@ -20,17 +18,24 @@ impl Scan {
     ///
     /// Unless spacing and fit radius are positive, and there are fewer than 2³² points.
     pub fn new(points: Vec<Stored>, quantization: Quantization, options: &SolverOptions) -> Self {
-        let points = if options.smooth > 0.0 {
-            let thinned = Self::thinned(points, &quantization, options);
-            smoothed(thinned, &quantization, options)
-        } else {
-            points
-        };
-        let mut scan = Self::as_scanned(points, quantization, options);
-        if scan.largest_count_in_voxel() > LARGEST_COUNT_IN_VOXEL {
-            let kept = Self::thinned(scan.into_points(), &quantization, options);
-            scan = Self::as_scanned(kept, quantization, options);
+        Self::prepared(points.into(), quantization, options)
+    }
+
+    /// Thins, smooths, sorts, samples and closes like [`new`](Self::new) what is left of
+    /// `points` that may have been thinned before.
+    ///
+    /// # Panics
+    ///
+    /// Unless spacing and fit radius are positive, and there are fewer than 2³² points.
+    pub(crate) fn prepared(
+        mut points: ThinnedPoints,
+        quantization: Quantization,
+        options: &SolverOptions,
+    ) -> Self {
+        if options.smooth > 0.0 {
+            points = smoothed(points, &quantization, options);
         }
+        let mut scan = Self::thinned(points, quantization, options);
         let filling = filling(Surface::new(&scan, options));
         if !filling.is_empty() {
             scan.fill(filling, options);

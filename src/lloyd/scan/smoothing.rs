@@ -6,6 +6,10 @@
 
 use rayon::prelude::*;
 
+use super::{
+    thinned::{PointSum, ThinnedPoints},
+    thinning::Thinning,
+};
 use crate::{
     geometry::{Local, NeighborGrid, OccupiedCells, Patch, Quantization, Stored, cell_of},
     lloyd::SolverOptions,
@@ -24,10 +28,11 @@ const PASSES: u32 = 2;
 /// Moves `points` onto the surface that they are noisy samples of, by patches of the radius
 /// `smooth` of `options`. Points without a surface stay.
 pub(super) fn smoothed(
-    mut points: Vec<Stored>,
+    points: ThinnedPoints,
     quantization: &Quantization,
     options: &SolverOptions,
-) -> Vec<Stored> {
+) -> ThinnedPoints {
+    let mut points = Thinning::new(quantization, options).thinned(points);
     for _ in 0..PASSES {
         points = on_patches(points, quantization, options);
     }
@@ -35,44 +40,60 @@ pub(super) fn smoothed(
 }
 
 /// Moves every point to its foot point on the patch of its cell, if that patch describes a
-/// surface.
+/// surface. A sum of points moves as their mean does.
 fn on_patches(
-    points: Vec<Stored>,
+    points: ThinnedPoints,
     quantization: &Quantization,
     options: &SolverOptions,
-) -> Vec<Stored> {
+) -> ThinnedPoints {
     let edge = options.smooth / CELLS_PER_RADIUS;
-    // Points are sorted within a cell, too: sums must not depend on the order of files.
-    let (cells, points) =
-        OccupiedCells::sort_points(&points, |p| cell_of(quantization.local(p), edge));
+    let means = points.sums.iter().map(|sum| (sum.mean(), sum.count));
+    let mut items: Vec<(Stored, u64)> = points.kept.iter().map(|&p| (p, 1)).collect();
+    items.extend(means);
+    // Items are sorted within a cell, too: sums of floats must not depend on the order of files.
+    items.par_sort_unstable();
+    let (cells, order) =
+        OccupiedCells::sort(&items, |&(p, _)| cell_of(quantization.local(p), edge));
     let ranges: Vec<_> = cells.ranges().collect();
     let means: Vec<Local> = ranges
         .par_iter()
         .map(|range| {
-            let in_cell = points[range.clone()].iter().map(|&p| quantization.local(p));
-            in_cell.sum::<Local>() / range.len() as f64
+            let (mut sum, mut count) = (Local::zeros(), 0);
+            for &index in &order[range.clone()] {
+                let (point, points) = items[index as usize];
+                sum += quantization.local(point) * points as f64;
+                count += points;
+            }
+            sum / count as f64
         })
         .collect();
     let grid = NeighborGrid::new(&means, 0.5 * options.smooth);
-    ranges
+    let moved: Vec<(Stored, u64)> = ranges
         .into_par_iter()
         .zip(&means)
         .map_init(Vec::new, |near, (range, &mean)| {
             grid.gather(mean, options.smooth, near);
             let patch = Patch::fit(mean, near, options.smooth, options.patch)
                 .filter(|patch| patch.describes(SURFACE_DETAIL_IN_RADII * options.smooth));
-            let moved = |&point: &Stored| {
-                let position = patch
+            let moved = |&index: &u32| {
+                let (point, points) = items[index as usize];
+                let foot = patch
                     .as_ref()
-                    .map(|p| p.foot_point(quantization.local(point)));
-                position
-                    .and_then(|position| quantization.stored(position))
-                    .unwrap_or(point)
+                    .and_then(|p| quantization.stored(p.foot_point(quantization.local(point))));
+                (foot.unwrap_or(point), points)
             };
-            points[range].iter().map(moved).collect::<Vec<_>>()
+            order[range].iter().map(moved).collect::<Vec<_>>()
         })
         .flatten_iter()
-        .collect()
+        .collect();
+    let mut smoothed = ThinnedPoints::default();
+    for (point, count) in moved {
+        match count {
+            1 => smoothed.kept.push(point),
+            _ => smoothed.sums.push(PointSum::of_equal(point, count)),
+        }
+    }
+    smoothed
 }
 
 #[cfg(test)]
@@ -94,7 +115,7 @@ mod tests {
             smooth: radius,
             ..SolverOptions::new(0.2)
         };
-        smoothed(points, &QUANTIZATION, &options)
+        smoothed(points.into(), &QUANTIZATION, &options).kept
     }
 
     /// Points of a bent sheet with noise of this thickness.

@@ -1,107 +1,296 @@
-//! Thinning: no voxel keeps more than 64 points.
+//! Thinning: a voxel keeps a few points, and the sum of the others.
 //!
-//! A scanner that stands still heaps up points that add nothing. The points of the highest
-//! priority are kept, so that the result does not depend on the order of the points, nor on
-//! whether they are thinned at once or part by part.
+//! Of a scan that is dense at the scale of the output an output point can use some tens of points;
+//! the others add nothing but precision to the mean of their voxel. So a voxel keeps the points of
+//! the highest priority, for seeds to be elected from and attributes to be taken from, and the
+//! others become a sum:
+//!
+//! ```text
+//!   ┌───────────┐        ┌───────────┐
+//!   │ · ·· · ·· │        │ ·      ·  │
+//!   │· ··· ·· · │   ─►   │     Σ     │     · kept    Σ count and sum of the others
+//!   │ ·· · ·· · │        │  ·      · │
+//!   └───────────┘        └───────────┘
+//! ```
+//!
+//! What is kept depends on the points alone: points may be thinned in any order, at once or part by
+//! part, while they are decoded or when a tile is read.
 
-use std::ops::Range;
+use std::cmp::Ordering;
 
-use rayon::prelude::*;
-
-use super::points::{Scan, voxel_edge};
+use super::{
+    points::voxel_edge,
+    thinned::{PointSum, ThinnedPoints},
+};
 use crate::{
-    geometry::{OccupiedCells, Quantization, Stored, cell_of},
+    geometry::{CellIndex, CellOrder, Quantization, Stored, cell_of},
     lloyd::SolverOptions,
 };
 
-/// Largest number of points that a voxel keeps: six hundred to a seed of a plane.
-pub(super) const LARGEST_COUNT_IN_VOXEL: usize = 64;
+/// Largest number of points that a voxel keeps.
+pub(crate) const MOST_IN_VOXEL: usize = 4;
 
-impl Scan {
-    /// Keeps at most 64 of the `points` in each voxel (a third of a spacing wide), those of
-    /// the highest priority, in no order that may be relied on. Points may be thinned part by
-    /// part: the result at the end is the same.
+/// The rule by which points are thinned.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Thinning {
+    quantization: Quantization,
+    /// Edge of a voxel (CRS units).
+    voxel: f64,
+    /// Seed of the priorities.
+    seed: u64,
+}
+
+impl Thinning {
+    /// The thinning of scans that are solved by `options`.
     ///
     /// # Panics
     ///
-    /// Unless the spacing is positive, and there are fewer than 2³² points.
-    pub(crate) fn thinned(
-        points: Vec<Stored>,
-        quantization: &Quantization,
-        options: &SolverOptions,
-    ) -> Vec<Stored> {
-        let voxel = voxel_edge(quantization, options);
-        let (voxels, order) =
-            OccupiedCells::sort(&points, |&point| cell_of(quantization.local(point), voxel));
-        if voxels
-            .ranges()
-            .all(|range| range.len() <= LARGEST_COUNT_IN_VOXEL)
-        {
-            return points;
+    /// Unless the spacing is positive.
+    pub(crate) fn new(quantization: &Quantization, options: &SolverOptions) -> Self {
+        Self {
+            quantization: *quantization,
+            voxel: voxel_edge(quantization, options),
+            seed: options.seed,
         }
-        let ranges: Vec<Range<usize>> = voxels.ranges().collect();
-        let rank = |point: &Stored| (point.priority(options.seed), *point);
-        let kept = |range: Range<usize>| {
-            let in_voxel = order[range].iter().map(|&i| points[i as usize]);
-            let mut in_voxel: Vec<Stored> = in_voxel.collect();
-            if in_voxel.len() > LARGEST_COUNT_IN_VOXEL {
-                in_voxel.select_nth_unstable_by_key(LARGEST_COUNT_IN_VOXEL, rank);
-                in_voxel.truncate(LARGEST_COUNT_IN_VOXEL);
-            }
-            in_voxel
-        };
-        ranges.into_par_iter().flat_map_iter(kept).collect()
+    }
+
+    /// The voxel of `point`.
+    #[inline]
+    pub(crate) fn voxel_of(&self, point: Stored) -> CellIndex {
+        cell_of(self.quantization.local(point), self.voxel)
     }
 
     /// The number of points on a square of edge `edge` (CRS units) of a plane beyond which
     /// some of them are not kept.
-    pub(crate) fn most_on_square(
-        edge: f64,
-        quantization: &Quantization,
-        options: &SolverOptions,
-    ) -> f64 {
-        LARGEST_COUNT_IN_VOXEL as f64 * (edge / voxel_edge(quantization, options)).powi(2)
+    pub(crate) fn most_on_square(&self, edge: f64) -> f64 {
+        MOST_IN_VOXEL as f64 * (edge / self.voxel).powi(2)
+    }
+
+    /// Thins `points`, in no order that may be relied on.
+    ///
+    /// # Panics
+    ///
+    /// Unless there are fewer than 2³² points and sums.
+    pub(crate) fn thinned(&self, points: ThinnedPoints) -> ThinnedPoints {
+        let equal = |_, _| Ordering::Equal;
+        let (kept, sums) = self.thin(&points.kept, &points.sums, equal);
+        let kept = kept.iter().map(|&index| points.kept[index as usize]);
+        ThinnedPoints {
+            kept: kept.collect(),
+            sums,
+        }
+    }
+
+    /// The indices of those `points` that are kept, voxel by voxel, and the sums of all others,
+    /// `sums` included, one to a voxel. Of equal points in a voxel with too many the one that
+    /// `order` puts first is kept.
+    ///
+    /// # Panics
+    ///
+    /// Unless there are fewer than 2³² points and sums.
+    pub(crate) fn thin(
+        &self,
+        points: &[Stored],
+        sums: &[PointSum],
+        order: impl Fn(u32, u32) -> Ordering,
+    ) -> (Vec<u32>, Vec<PointSum>) {
+        let first_sum = points.len();
+        let means = sums.iter().map(PointSum::mean);
+        let items = points.iter().copied().chain(means);
+        let voxels: Vec<CellIndex> = items.map(|point| self.voxel_of(point)).collect();
+        let (mut kept, mut others) = (Vec::new(), Vec::new());
+        let mut best = Best::default();
+        for in_voxel in CellOrder::new(&voxels).cells() {
+            let count = in_voxel.partition_point(|&index| (index as usize) < first_sum);
+            let (of_points, of_sums) = in_voxel.split_at(count);
+            let mut other = PointSum::default();
+            for &index in of_sums {
+                other.merge(&sums[index as usize - first_sum]);
+            }
+            if other.count == 0 && count <= MOST_IN_VOXEL {
+                kept.extend_from_slice(of_points);
+                continue;
+            }
+            best.clear();
+            for &index in of_points {
+                let point = points[index as usize];
+                other.add(point);
+                best.consider(point.priority(self.seed), point, index, &order);
+            }
+            best.leave_out_of(&mut other);
+            kept.extend(best.indices());
+            if other.count > 0 {
+                others.push(other);
+            }
+        }
+        (kept, others)
+    }
+}
+
+/// The first few of the points that were considered, by priority; equal points count once.
+#[derive(Default)]
+pub(super) struct Best {
+    /// Priority, point and index, in their order.
+    first: Vec<(u64, Stored, u32)>,
+}
+
+impl Best {
+    pub(super) fn clear(&mut self) {
+        self.first.clear();
+    }
+
+    /// Considers `point`, which has this `index`. Of equal points the one that `order` puts first
+    /// stays.
+    #[inline]
+    pub(super) fn consider(
+        &mut self,
+        priority: u64,
+        point: Stored,
+        index: u32,
+        order: impl Fn(u32, u32) -> Ordering,
+    ) {
+        let rank = (priority, point);
+        if self.first.len() == MOST_IN_VOXEL && self.first.last().is_some_and(|l| (l.0, l.1) < rank)
+        {
+            return;
+        }
+        match self
+            .first
+            .binary_search_by(|known| (known.0, known.1).cmp(&rank))
+        {
+            Ok(at) => {
+                if order(index, self.first[at].2).is_lt() {
+                    self.first[at].2 = index;
+                }
+            }
+            Err(at) => {
+                self.first.truncate(MOST_IN_VOXEL - 1);
+                self.first
+                    .insert(at.min(self.first.len()), (priority, point, index));
+            }
+        }
+    }
+
+    /// Takes the points off the sum of all points.
+    pub(super) fn leave_out_of(&self, all: &mut PointSum) {
+        for (_, point, _) in &self.first {
+            all.remove(*point);
+        }
+    }
+
+    /// The points' indices.
+    pub(super) fn indices(&self) -> impl Iterator<Item = u32> + '_ {
+        self.first.iter().map(|&(_, _, index)| index)
+    }
+
+    /// The points.
+    pub(super) fn points(&self) -> impl Iterator<Item = Stored> + '_ {
+        self.first.iter().map(|&(_, point, _)| point)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::collections::{BTreeMap, BTreeSet};
+
     use super::*;
     use crate::lloyd::scan::points::tests::cloud;
 
+    const QUANTIZATION: Quantization = Quantization {
+        scale: 0.001,
+        offset: [0.0; 3],
+    };
+
+    fn sorted(mut points: ThinnedPoints) -> ThinnedPoints {
+        points.kept.sort_unstable();
+        points.sums.sort_unstable();
+        points
+    }
+
+    /// A cloud with crowded voxels, and with equal points.
+    fn crowded() -> Vec<Stored> {
+        let mut points = cloud(60_000);
+        points.extend_from_within(..9_000);
+        points.extend_from_within(..3_000);
+        points
+    }
+
     #[test]
     fn points_thinned_part_by_part_are_those_thinned_at_once() {
-        let quantization = Quantization {
-            scale: 0.001,
-            offset: [0.0; 3],
-        };
-        let options = SolverOptions::new(0.9);
-        let points = cloud(60_000);
-        let sorted = |mut points: Vec<Stored>| {
-            points.sort_unstable();
-            points
-        };
-        let at_once = sorted(Scan::thinned(points.clone(), &quantization, &options));
-        let mut part_by_part = Vec::new();
-        for part in points.rchunks(7_001) {
-            part_by_part.extend_from_slice(part);
-            part_by_part = Scan::thinned(part_by_part, &quantization, &options);
+        let thinning = Thinning::new(&QUANTIZATION, &SolverOptions::new(0.4));
+        let at_once = sorted(thinning.thinned(crowded().into()));
+        let mut part_by_part = ThinnedPoints::default();
+        for part in crowded().rchunks(7_001) {
+            part_by_part.kept.extend_from_slice(part);
+            part_by_part = thinning.thinned(part_by_part);
         }
-        assert_eq!(sorted(part_by_part), at_once);
+        let mut apart = ThinnedPoints::default();
+        for part in crowded().chunks(11_003) {
+            apart.append(thinning.thinned(part.to_vec().into()));
+        }
+        for other in [part_by_part, thinning.thinned(apart)] {
+            let other = sorted(other);
+            assert_eq!(other.kept, at_once.kept);
+            assert_eq!(other.sums, at_once.sums);
+        }
+        assert!(at_once.kept.len() < 20_000 && at_once.sums.len() > 300);
+    }
 
-        // The slow twin sorts a list for each voxel by priority, and cuts it.
-        let mut in_voxels: std::collections::HashMap<_, Vec<Stored>> =
-            std::collections::HashMap::new();
-        for point in points {
-            let voxel = cell_of(quantization.local(point), 0.3);
-            in_voxels.entry(voxel).or_default().push(point);
+    /// The slow twin sorts a list for each voxel by priority, and cuts it.
+    #[test]
+    fn a_voxel_keeps_its_first_points_and_the_sum_of_the_others() {
+        let options = SolverOptions::new(0.4);
+        let thinning = Thinning::new(&QUANTIZATION, &options);
+        let thinned = sorted(thinning.thinned(crowded().into()));
+        let mut in_voxels: BTreeMap<CellIndex, Vec<Stored>> = BTreeMap::new();
+        for point in crowded() {
+            in_voxels
+                .entry(thinning.voxel_of(point))
+                .or_default()
+                .push(point);
         }
-        let truth = in_voxels.into_values().flat_map(|mut points| {
-            points.sort_unstable_by_key(|&p| (p.priority(options.seed), p));
-            points.truncate(LARGEST_COUNT_IN_VOXEL);
-            points
-        });
-        assert_eq!(sorted(truth.collect()), at_once);
-        assert!(at_once.len() < 20_000);
+        let mut truth = ThinnedPoints::default();
+        for points in in_voxels.into_values() {
+            if points.len() <= MOST_IN_VOXEL {
+                truth.kept.extend(points);
+                continue;
+            }
+            let distinct: BTreeSet<_> = points
+                .iter()
+                .map(|&point| (point.priority(options.seed), point))
+                .collect();
+            let first: Vec<Stored> = distinct
+                .into_iter()
+                .map(|(_, p)| p)
+                .take(MOST_IN_VOXEL)
+                .collect();
+            let mut others = points;
+            for point in &first {
+                let at = others.iter().position(|other| other == point).unwrap();
+                others.swap_remove(at);
+            }
+            let mut sum = PointSum::default();
+            others.into_iter().for_each(|point| sum.add(point));
+            truth.sums.extend((sum.count > 0).then_some(sum));
+            truth.kept.extend(first);
+        }
+        let truth = sorted(truth);
+        assert_eq!(thinned.kept, truth.kept);
+        assert_eq!(thinned.sums, truth.sums);
+    }
+
+    #[test]
+    fn of_equal_points_the_first_by_the_order_is_kept() {
+        let point = Stored { x: 5, y: 6, z: 7 };
+        let thinning = Thinning::new(&QUANTIZATION, &SolverOptions::new(0.4));
+        let (kept, sums) = thinning.thin(&[point; 9], &[], |a, b| b.cmp(&a));
+        assert_eq!(kept, [8]);
+        assert_eq!(
+            sums,
+            [PointSum {
+                count: 8,
+                sum: [40, 48, 56]
+            }]
+        );
     }
 }
