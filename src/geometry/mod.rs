@@ -2,6 +2,7 @@
 
 mod bisector;
 mod bounding;
+mod brick_table;
 mod cell;
 mod cell_index;
 mod cell_order;
@@ -28,7 +29,7 @@ mod word_sorting;
 pub use bisector::Neighbor;
 
 pub use bounding::BOUNDING_SIDES;
-pub(crate) use bounding::{Reach, bounding_corners};
+pub(crate) use bounding::{Reach, bounding_corners, keeps_corner};
 pub use cell::Cell;
 pub(crate) use cell::MOST_EDGES;
 pub(crate) use cell_index::{CellIndex, cell_of};

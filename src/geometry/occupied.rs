@@ -16,8 +16,8 @@ use rayon::prelude::*;
 
 use super::{
     Stored,
+    brick_table::BrickTable,
     cell_index::{BRICK_SHIFT, CELL_BITS, CELL_MASK, CellIndex, bit_of, bits},
-    hash::spread,
     packing::Packing,
     word_sorting::sort_words,
 };
@@ -33,8 +33,7 @@ pub(crate) struct OccupiedCells {
     bricks: Vec<Brick>,
     /// Points `starts[k]..starts[k + 1]` lie in the k-th occupied cell.
     starts: Vec<u32>,
-    /// Hash table of indices in `bricks`.
-    table: Vec<u32>,
+    table: BrickTable,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -46,8 +45,6 @@ struct Brick {
     /// Number of occupied cells in the bricks before this one.
     first: u32,
 }
-
-const EMPTY: u32 = u32::MAX;
 
 impl OccupiedCells {
     /// Sorts `points` by the cell that `cell_of` gives; the second part of the result is, in
@@ -82,7 +79,7 @@ impl OccupiedCells {
             top,
             bricks: Vec::new(),
             starts: Vec::new(),
-            table: Vec::new(),
+            table: BrickTable::default(),
         };
         let packing = Packing::of(base, top);
         // Points are sorted several times as fast by one word each, if there is room for the cell
@@ -153,7 +150,7 @@ impl OccupiedCells {
             starts.push(start);
         }
         starts.push(count);
-        self.table = hash_table(bricks);
+        self.table = BrickTable::new(bricks.iter().map(|brick| brick.index));
     }
 
     /// Changes the numbers of points in the occupied cells to `counts`, all of which are positive.
@@ -227,10 +224,19 @@ impl OccupiedCells {
                     let brick = &self.bricks[entry];
                     let cells = rows & (bits(part(0, x), 1) * 0x1111_1111_1111_1111);
                     let mut left = brick.occupied & cells;
+                    // Occupied cells that are not yet counted, and the number of those that are:
+                    // most cells of a box follow one another.
+                    let (mut rest, mut index) = (brick.occupied, brick.first as usize);
                     while left != 0 {
                         let bit = left & left.wrapping_neg();
                         left ^= bit;
-                        visit(brick.index_of(bit))?;
+                        let between = rest & (bit - 1);
+                        if between != 0 {
+                            index += between.count_ones() as usize;
+                        }
+                        rest ^= between | bit;
+                        visit(index)?;
+                        index += 1;
                     }
                 }
             }
@@ -252,17 +258,8 @@ impl OccupiedCells {
 
     /// The index in `bricks` of the brick with the index `index`, if it has points.
     fn find_brick(&self, index: CellIndex) -> Option<usize> {
-        let mask = self.table.len() - 1;
-        let mut slot = hash(index) & mask;
-        loop {
-            match self.table[slot] {
-                EMPTY => return None,
-                entry if self.bricks[entry as usize].index == index => {
-                    return Some(entry as usize);
-                }
-                _ => slot = (slot + 1) & mask,
-            }
-        }
+        self.table
+            .find(index, |entry| self.bricks[entry].index == index)
     }
 }
 
@@ -273,30 +270,10 @@ impl Brick {
     }
 }
 
-/// The hash table of `bricks`: with twice as many slots as bricks the probes are short.
-fn hash_table(bricks: &[Brick]) -> Vec<u32> {
-    let mut table = vec![EMPTY; (2 * bricks.len()).next_power_of_two().max(2)];
-    let mask = table.len() - 1;
-    for (entry, brick) in (0u32..).zip(bricks) {
-        let mut slot = hash(brick.index) & mask;
-        while table[slot] != EMPTY {
-            slot = (slot + 1) & mask;
-        }
-        table[slot] = entry;
-    }
-    table
-}
-
-/// The hash of a brick for the table.
-fn hash([x, y, z]: CellIndex) -> usize {
-    let [x, y, z] = [x, y, z].map(|c| u64::from(c as u32));
-    // An odd factor keeps layers apart.
-    spread((x << 32 | y) ^ z.wrapping_mul(0x9e37_79b9_7f4a_7c15)) as usize
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::spread;
 
     /// The slow twin tests every cell.
     #[test]

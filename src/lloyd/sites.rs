@@ -200,12 +200,12 @@ fn by_identity<T: Send>(mut found: Vec<T>, identity: impl Fn(&T) -> Stored + Syn
 /// The site of `step` with the figures of the cell that was clipped last, with `moments`.
 fn site(
     identity: Stored,
-    step: &mut Step,
+    step: &Step,
     moments: Option<Moments>,
     vicinity: &mut Vicinity<'_>,
 ) -> Site {
     let nearest = vicinity.nearest_within(FARTHEST_NEIGHBOR_IN_SPACINGS * vicinity.spacing);
-    let surface = step.trusted().map(|fit| fit.patch.upwards());
+    let surface = step.fit.as_ref().map(|fit| fit.patch.upwards());
     let cell = moments.map(|_| &vicinity.scratch.cell);
     let neighbors = cell.map_or(0, Cell::neighbor_count);
     Site {
@@ -224,8 +224,8 @@ fn site(
 }
 
 /// The edges of the cell that was clipped last for the site of `step`; none without `moments`.
-fn edges(step: &mut Step, moments: Option<Moments>, vicinity: &Vicinity<'_>) -> Edges {
-    let patch = step.trusted().map(|fit| fit.patch);
+fn edges(step: &Step, moments: Option<Moments>, vicinity: &Vicinity<'_>) -> Edges {
+    let patch = step.fit.as_ref().map(|fit| fit.patch);
     let around = patch.filter(|_| moments.is_some()).map(|patch| {
         let cell = &vicinity.scratch.cell;
         let edges = cell.edge_neighbors().map(|edge| edge.unwrap_or(GAP));

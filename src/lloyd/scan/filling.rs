@@ -130,12 +130,20 @@ fn patch_across_gap(
     {
         return None;
     }
+    // Few patches across a gap describe a surface: only there the other side is searched. The
+    // margin is for rounding.
+    let radius = options.fit_radius.max(FIT_RADIUS_IN_FILLS * options.fill);
+    let fit = |near: &[Local], margin: f64| {
+        let patch = Patch::fit(landmark, near, radius, options.patch);
+        patch.filter(|patch| patch.describes(margin * SURENESS * options.fit_radius))
+    };
+    landmarks.across_gap.gather(landmark, radius, near);
+    fit(near, 1.001)?;
     let across_gap = SEARCH_IN_FILLS * options.fill;
     landmarks.across_gap.gather(landmark, across_gap, near);
-    let radius = options.fit_radius.max(FIT_RADIUS_IN_FILLS * options.fill);
-    let patch = Patch::fit(landmark, near, radius, options.patch)?;
-    let is_surface = patch.describes(SURENESS * options.fit_radius);
-    (is_surface && Surroundings::of(landmark, &patch, near, spacing).surround()).then_some(patch)
+    let patch = fit(near, 1.0)?;
+    let surroundings = Surroundings::of(landmark, &patch, near, spacing);
+    surroundings.surround().then_some(patch)
 }
 
 /// The filling on `patch` that is nearer to `landmark` than to any other of the landmarks

@@ -110,14 +110,16 @@ impl Election<'_> {
                 earlier.visit_box(low - reach, high + reach, |_, seed| seeds.push(seed));
                 let with_distance = |&point: &Stored| {
                     let position = self.local(point);
-                    let squares = seeds.iter().map(|seed| (seed - position).norm_squared());
-                    let nearest = squares.fold(f64::INFINITY, f64::min);
-                    (self.priority(point), point, nearest)
+                    let mut nearest = f64::INFINITY;
+                    for seed in &*seeds {
+                        nearest = nearest.min((seed - position).norm_squared());
+                        if nearest < covered {
+                            return None;
+                        }
+                    }
+                    Some((self.priority(point), point, nearest))
                 };
-                let uncovered = points.iter().map(with_distance);
-                uncovered
-                    .filter(|&(.., squared)| squared >= covered)
-                    .collect::<Vec<_>>()
+                points.iter().filter_map(with_distance).collect::<Vec<_>>()
             })
             .flatten_iter()
             .collect();

@@ -144,13 +144,13 @@ impl Nodes {
         surface: Surface<'_>,
         samples: &mut Samples,
     ) -> Option<Local> {
-        let mut fit = Fit::new(above, samples, surface.options)?;
+        let mut fit = Fit::trusted(above, samples, surface.options)?;
         // The patch may be tilted against the lattice: its foot is a little beside the node,
         // and much less so the second time.
         let foot = fit.patch.foot_point(above);
         let node = candidate.lattice.moved_to_node(foot, self.spacing);
         let position = fit.patch.foot_point(node);
-        (fit.is_trusted() && fit.allows(position, surface)).then_some(position)
+        fit.allows(position, surface).then_some(position)
     }
 }
 

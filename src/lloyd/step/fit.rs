@@ -56,15 +56,37 @@ impl Fit {
     /// Fits the patch at `site`, a position in the box of `samples`; `None` where the scan has
     /// no surface.
     pub(crate) fn new(site: Local, samples: &mut Samples, options: &SolverOptions) -> Option<Self> {
+        Self::if_trusted(site, samples, options, |_| true)
+    }
+
+    /// Fits the patch at `site`, a position in the box of `samples`; `None` where the scan has
+    /// no surface, or none that the patch describes well enough to move by.
+    pub(crate) fn trusted(
+        site: Local,
+        samples: &mut Samples,
+        options: &SolverOptions,
+    ) -> Option<Self> {
+        Self::if_trusted(site, samples, options, |trust| trust > 0.0)
+    }
+
+    /// Fits the patch at `site`; `None` where the scan has no surface, or one that is trusted
+    /// for a share that is not `enough`.
+    fn if_trusted(
+        site: Local,
+        samples: &mut Samples,
+        options: &SolverOptions,
+        enough: impl Fn(f64) -> bool,
+    ) -> Option<Self> {
         let radius = options.fit_radius;
         let (near, points) = samples.in_ball(site, radius);
         let patch = Patch::fit(site, near, radius, options.patch)?;
-        Some(Self {
+        // A sharper patch finds a surface in leaves, too.
+        let trust = patch.trust(radius.max(options.spacing));
+        enough(trust).then(|| Self {
             patch: sharper(&patch, site, near, options).unwrap_or(patch),
             anchor: site,
             input_spacing: radius * (std::f64::consts::PI / points as f64).sqrt(),
-            // A sharper patch finds a surface in leaves, too.
-            trust: patch.trust(radius.max(options.spacing)),
+            trust,
             witness: Local::repeat(f64::NAN),
             scanned: None,
         })
@@ -74,11 +96,6 @@ impl Fit {
     pub(super) fn is_valid_at(&self, site: Local, spacing: f64) -> bool {
         let skin = PATCH_SKIN_IN_SPACINGS * spacing;
         (site - self.anchor).norm_squared() <= skin * skin
-    }
-
-    /// Whether the patch describes its neighbourhood well enough to move by.
-    pub(crate) fn is_trusted(&self) -> bool {
-        self.trust > 0.0
     }
 
     /// The move from `position` towards `centroid` on the patch: the less the patch is

@@ -10,6 +10,7 @@ use super::{
     fit::Fit,
     following::{FollowedCell, LARGEST_DRIFT_IN_SPACINGS},
     links::Links,
+    neighborhoods::FarList,
     vicinity::Vicinity,
 };
 use crate::{
@@ -29,10 +30,10 @@ pub(crate) struct Iteration<'a> {
 /// The result of the last Lloyd step of one site.
 #[derive(Clone)]
 pub(crate) struct Step {
-    /// The patch, if one was fitted.
-    pub(crate) fit: Option<Fit>,
-    /// Whether the scan has no patch where the site is. The site stays there.
-    is_stranded: bool,
+    /// The patch, if one is trusted.
+    pub(crate) fit: Option<Box<Fit>>,
+    /// Whether the scan has no patch to trust where the site is. The site stays there for good.
+    is_settled: bool,
     /// Whether everything that the position depends on was available.
     pub(crate) is_exact: bool,
     /// The centroid, projected and restricted.
@@ -46,7 +47,12 @@ pub(crate) struct Step {
     /// How far the site may move in any direction and keep clear of its neighbours (CRS
     /// units).
     pub(crate) free: f64,
-    followed: Option<FollowedCell>,
+    /// Whether the cell is followed.
+    is_followed: bool,
+    /// The cell that is followed, or memory for the next.
+    followed: Option<Box<FollowedCell>>,
+    /// The sites that can cut a large cell.
+    far: FarList,
 }
 
 impl Step {
@@ -54,14 +60,16 @@ impl Step {
     pub(crate) fn new(position: Local) -> Self {
         Self {
             fit: None,
-            is_stranded: false,
+            is_settled: false,
             is_exact: false,
             target: position,
             links: Links::NONE,
             is_open: false,
             nearest: None,
             free: 0.0,
+            is_followed: false,
             followed: None,
+            far: FarList::default(),
         }
     }
 
@@ -77,7 +85,7 @@ impl Step {
         self.target = position;
         self.links = Links::NONE;
         self.free = 0.0;
-        self.followed = None;
+        self.is_followed = false;
     }
 
     /// Leaves a site that matters to no wanted site any more at `position`.
@@ -90,19 +98,14 @@ impl Step {
     /// III-B: fits the patch, unless the site is still near where it was fitted.
     fn fit_patch(&mut self, surface: Surface<'_>, vicinity: &mut Vicinity<'_>) {
         let is_valid = |fit: &Fit| fit.is_valid_at(vicinity.position, surface.spacing());
-        if !self.is_stranded && !self.fit.as_ref().is_some_and(is_valid) {
+        if !self.is_settled && !self.fit.as_deref().is_some_and(is_valid) {
             // In the first iteration the other sites of the block have no patch, either.
             if self.fit.is_none() {
                 vicinity.gather_samples(surface);
             }
-            self.fit = vicinity.fit(surface);
-            self.is_stranded = self.fit.is_none();
+            put(&mut self.fit, vicinity.fit(surface));
+            self.is_settled = self.fit.is_none();
         }
-    }
-
-    /// The patch of the site, if it is trusted.
-    pub(crate) fn trusted(&mut self) -> Option<&mut Fit> {
-        self.fit.as_mut().filter(|fit| fit.is_trusted())
     }
 
     /// III-B, III-C: clips the cell of the site on its patch, and gives its moments; `None`
@@ -113,11 +116,15 @@ impl Step {
         vicinity: &mut Vicinity<'_>,
     ) -> Option<Moments> {
         self.fit_patch(surface, vicinity);
-        vicinity.restricted_cell(self.trusted()?, surface)
+        vicinity.restricted_cell(self.fit.as_deref_mut()?, &mut self.far, surface)
     }
 
     /// Computes the step from the position of the site to its centroid.
     pub(crate) fn advance(&mut self, iteration: Iteration<'_>, mut vicinity: Vicinity<'_>) {
+        // Where nothing moves, the nearest other site of a settled one stays what it was.
+        if self.is_settled && vicinity.is_still() {
+            return;
+        }
         if !self.follow(iteration, &mut vicinity) {
             let moments = self.clip(iteration.surface, &mut vicinity);
             self.step_to_centroid(moments, iteration, vicinity);
@@ -126,7 +133,11 @@ impl Step {
 
     /// Computes the step to a centroid that is followed; `false` if it cannot be followed.
     fn follow(&mut self, iteration: Iteration<'_>, vicinity: &mut Vicinity<'_>) -> bool {
-        let (Some(fit), Some(followed)) = (&mut self.fit, &mut self.followed) else {
+        let (true, Some(fit), Some(followed)) = (
+            self.is_followed,
+            self.fit.as_deref_mut(),
+            self.followed.as_deref_mut(),
+        ) else {
             return false;
         };
         let Some(is_exact) = followed.drift(fit, iteration.was_exact, vicinity) else {
@@ -164,7 +175,7 @@ impl Step {
         } = iteration;
         let (position, spacing) = (vicinity.position, surface.spacing());
         self.reset(position);
-        let Some(fit) = self.fit.as_mut().filter(|fit| fit.is_trusted()) else {
+        let Some(fit) = self.fit.as_deref_mut() else {
             // The site stays, whatever its cell. The distance of the few that are far from all
             // others is computed once.
             vicinity.find_near();
@@ -191,7 +202,10 @@ impl Step {
         let Some(moments) = moments else {
             return;
         };
-        self.followed = FollowedCell::new(fit, &moments, self.nearest, &vicinity);
+        if let Some(followed) = FollowedCell::new(fit, &moments, self.nearest, &vicinity) {
+            self.is_followed = true;
+            put(&mut self.followed, Some(followed));
+        }
         // IV-B, IV-D, IV-E: the centroid, on the patch, near the scan.
         let towards = fit.step_towards(moments.centroid, position);
         let target = vicinity.keeping_clear(position + towards);
@@ -199,5 +213,13 @@ impl Step {
             self.target = target;
             self.free = vicinity.free_radius();
         }
+    }
+}
+
+/// Makes `value` the contents of `place`, in the memory of the former contents.
+fn put<T>(place: &mut Option<Box<T>>, value: Option<T>) {
+    match (place.as_deref_mut(), value) {
+        (Some(former), Some(value)) => *former = value,
+        (_, value) => *place = value.map(Box::new),
     }
 }

@@ -49,15 +49,18 @@ impl Lists {
             // A distance that is not negative sorts as its bits do: one word to a site.
             let mut near: Vec<u64> = Vec::new();
             let (mut counts, mut others) = (Vec::with_capacity(block.len()), Vec::new());
+            near.resize(around.len(), 0);
             for site in block.clone() {
-                near.clear();
-                near.extend(around.iter().filter_map(|&(other, position)| {
+                // Every word is written, and stays if its site is near: no branch is mispredicted.
+                let mut count = 0;
+                for &(other, position) in &*around {
                     let squared = (position - positions[site]).norm_squared();
-                    (squared <= radius * radius && other as usize != site)
-                        .then(|| u64::from((squared as f32).to_bits()) << 32 | u64::from(other))
-                }));
+                    near[count] = u64::from((squared as f32).to_bits()) << 32 | u64::from(other);
+                    count += usize::from(squared <= radius * radius && other as usize != site);
+                }
+                let near = &mut near[..count];
                 near.sort_unstable();
-                counts.push(near.len() as u32);
+                counts.push(count as u32);
                 others.extend(near.iter().map(|&word| word as u32));
             }
             (counts, others)

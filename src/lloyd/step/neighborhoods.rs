@@ -26,6 +26,18 @@ pub(crate) const BLOCK_EDGE_IN_SPACINGS: f64 = 2.4;
 /// Lists are made anew when there are more strays than one in this many sites.
 const SITES_PER_STRAY: usize = 50;
 
+/// Room for the far list of a site of a surface.
+const USUAL_FAR_COUNT: usize = 32;
+
+/// The others that can be farther than near from a site and cut its cell: a list that is made
+/// on demand, and valid as long as the others are.
+#[derive(Clone, Default)]
+pub(crate) struct FarList {
+    /// The number of the lists that it was made with; 0 for none.
+    version: u32,
+    others: Vec<u32>,
+}
+
 /// The sites of a cloud, and what is near each.
 pub(crate) struct Neighborhoods {
     spacing: f64,
@@ -38,6 +50,8 @@ pub(crate) struct Neighborhoods {
     /// Ranges of sites that lie together.
     blocks: Vec<Range<usize>>,
     lists: Lists,
+    /// Number of times that the lists were made.
+    version: u32,
     /// The sites that have moved farther than half the skin since the lists were made.
     strays: Vec<u32>,
     /// The present positions of the strays by cell.
@@ -50,6 +64,7 @@ impl Neighborhoods {
         Self {
             spacing,
             lists: Lists::new(positions.clone(), &blocks, spacing),
+            version: 1,
             moves: vec![Local::zeros(); positions.len()],
             lengths: vec![0.0; positions.len()],
             positions,
@@ -93,6 +108,7 @@ impl Neighborhoods {
         self.strays = sites.into_par_iter().filter(has_strayed).collect();
         if self.strays.len() > self.positions.len() / SITES_PER_STRAY {
             self.lists = Lists::new(self.positions.clone(), &self.blocks, self.spacing);
+            self.version += 1;
             self.strays.clear();
         }
         let strayed: Vec<Local> = self
@@ -187,6 +203,60 @@ impl Neighborhoods {
             .visit_box(low - reach, high + reach, |stray, position| {
                 found.push((self.strays[stray as usize], position));
             });
+    }
+
+    /// Whether `list` was made before the other lists.
+    pub(crate) fn is_outdated(&self, list: &FarList) -> bool {
+        list.version != self.version
+    }
+
+    /// The sites that stood around `block` when the lists were made, with where they stood: all
+    /// that can be in the far list of one of its sites for a `radius` (CRS units).
+    pub(crate) fn listed_around(&self, block: &Range<usize>, radius: f64) -> Vec<(u32, Local)> {
+        let mut found = Vec::new();
+        let positions = self.lists.positions[block.clone()].iter().copied();
+        let [low, high] = bounding_box(positions);
+        let reach = Local::repeat(radius + SKIN_IN_SPACINGS * self.spacing);
+        self.lists
+            .grid
+            .visit_box(low - reach, high + reach, |site, position| {
+                found.push((site, position));
+            });
+        found
+    }
+
+    /// Makes the `list` of `site` anew: those of the sites `listed` that can be farther than
+    /// near and within `radius` (CRS units) as long as neither has strayed.
+    pub(crate) fn renew(
+        &self,
+        list: &mut FarList,
+        site: usize,
+        radius: f64,
+        listed: &[(u32, Local)],
+    ) {
+        let skin = SKIN_IN_SPACINGS * self.spacing;
+        let [least, most] = [NEAR_IN_SPACINGS * self.spacing - skin, radius + skin];
+        let position = self.lists.positions[site];
+        let is_far = |&&(_, other): &&(u32, Local)| {
+            let squared = (other - position).norm_squared();
+            squared >= least * least && squared <= most * most
+        };
+        list.version = self.version;
+        list.others.clear();
+        list.others.reserve(USUAL_FAR_COUNT);
+        let far = listed.iter().filter(is_far).map(|&(other, _)| other);
+        list.others.extend(far);
+    }
+
+    /// The sites of `list`, and those of `strays` that are not among them. A site itself may be
+    /// among the strays.
+    pub(crate) fn far<'a>(
+        &self,
+        list: &'a FarList,
+        strays: &'a [u32],
+    ) -> impl Iterator<Item = u32> + 'a {
+        let missing = strays.iter().filter(|stray| !list.others.contains(stray));
+        list.others.iter().chain(missing).copied()
     }
 
     /// Site `other` as a neighbour of `site`.

@@ -23,6 +23,10 @@ pub(crate) struct Scratch {
     pub(super) has_samples: bool,
     /// The strays around the block.
     pub(super) strays: Vec<u32>,
+    /// The strays that can cut a large cell of the block, once they are needed.
+    pub(super) far_strays: Option<Vec<u32>>,
+    /// The sites that stood around the block when the lists were made, once they are needed.
+    pub(super) listed: Option<Vec<(u32, Local)>>,
     /// All sites within `reach` of the block.
     pub(super) sites: Vec<(u32, Local)>,
     /// Distance from the block within which `sites` is complete (CRS units).
@@ -39,6 +43,8 @@ impl Scratch {
             samples: Samples::default(),
             has_samples: false,
             strays: Vec::new(),
+            far_strays: None,
+            listed: None,
             sites: Vec::new(),
             reach: 0.0,
         }
@@ -48,6 +54,8 @@ impl Scratch {
     pub(crate) fn begin(&mut self, neighborhoods: &Neighborhoods, block: &Range<usize>) {
         self.has_samples = false;
         self.reach = 0.0;
+        self.far_strays = None;
+        self.listed = None;
         let radius = NEAR_IN_SPACINGS * neighborhoods.spacing();
         neighborhoods.strays_around(block, radius, &mut self.strays);
     }

@@ -5,12 +5,12 @@ use std::ops::Range;
 use super::{
     fit::{BOUNDING_RADIUS_IN_SPACINGS, Fit},
     links::Links,
-    neighborhoods::{NEAR_IN_SPACINGS, Neighborhoods},
+    neighborhoods::{FarList, NEAR_IN_SPACINGS, Neighborhoods},
     restriction::Restriction,
     scratch::Scratch,
 };
 use crate::{
-    geometry::{BOUNDING_SIDES, Local, Moments, Neighbor, Patch, Reach},
+    geometry::{BOUNDING_SIDES, Local, Moments, Neighbor, Patch, Reach, keeps_corner},
     lloyd::{
         SolverOptions,
         seeds::SeedRule,
@@ -82,7 +82,7 @@ impl Vicinity<'_> {
         }
     }
 
-    /// III-B: fits the patch of the site.
+    /// III-B: fits the patch of the site, if it is to be trusted.
     pub(super) fn fit(&mut self, surface: Surface<'_>) -> Option<Fit> {
         let Scratch {
             samples,
@@ -92,7 +92,7 @@ impl Vicinity<'_> {
         if !*has_samples {
             samples.gather_box(surface, self.position, self.position);
         }
-        Fit::new(self.position, samples, surface.options)
+        Fit::trusted(self.position, samples, surface.options)
     }
 
     /// III-C: clips the cell of the site on the patch of `fit` by all neighbours that can cut
@@ -103,24 +103,31 @@ impl Vicinity<'_> {
     pub(super) fn restricted_cell(
         &mut self,
         fit: &mut Fit,
+        far: &mut FarList,
         surface: Surface<'_>,
     ) -> Option<Moments> {
         self.find_near();
         if self.was_open || !self.closed_cell(&fit.patch) {
             Neighbor::sort(&mut self.scratch.neighbors);
             let whole = [BOUNDING_RADIUS_IN_SPACINGS * self.spacing; BOUNDING_SIDES];
-            self.clip_cell(&fit.patch, &whole);
-            if self.may_close_far {
-                self.clip_by_far(&fit.patch);
-            }
             let ends_with_scan = surface.options.restriction == Restriction::Local;
-            if !self.scratch.cell.is_closed() && ends_with_scan {
+            // Most open cells are seen to be open before they are clipped.
+            let is_open = ends_with_scan
+                && !self.may_close_far
+                && keeps_corner(&fit.patch, self.position, &whole, &self.scratch.neighbors);
+            if !is_open {
+                self.clip_cell(&fit.patch, &whole);
+                if self.may_close_far {
+                    self.clip_by_far(&fit.patch, far);
+                }
+            }
+            if is_open || ends_with_scan && !self.scratch.cell.is_closed() {
                 let samples = &mut self.scratch.samples;
                 let scanned = fit.scanned_reach(self.position, surface, samples);
                 self.clip_cell(&fit.patch, &scanned);
             }
             if !self.may_close_far {
-                self.clip_by_far(&fit.patch);
+                self.clip_by_far(&fit.patch, far);
             }
         }
         self.scratch.cell.moments(&fit.patch, self.position)
@@ -159,13 +166,13 @@ impl Vicinity<'_> {
     }
 
     /// Clips the cell by the neighbours farther than near that could cut it.
-    fn clip_by_far(&mut self, patch: &Patch) {
+    fn clip_by_far(&mut self, patch: &Patch, list: &mut FarList) {
         let near = (NEAR_IN_SPACINGS * self.spacing).powi(2);
         let security = self.scratch.cell.security_squared();
         if security > near {
             let radius = security.sqrt().min(FAR_IN_SPACINGS * self.spacing);
             let count = self.scratch.neighbors.len();
-            self.find_within(radius, |squared| squared > near);
+            self.find_far(radius, list);
             let Scratch {
                 cell, neighbors, ..
             } = &mut *self.scratch;
@@ -184,6 +191,49 @@ impl Vicinity<'_> {
             neighbors.clear();
             self.find_within(NEAR_IN_SPACINGS * self.spacing, |_| true);
         }
+    }
+
+    /// Adds to the neighbours all other sites that are farther than [`NEAR_IN_SPACINGS`], and
+    /// within `radius` (CRS units), by the `list` of the site.
+    fn find_far(&mut self, radius: f64, list: &mut FarList) {
+        let (neighborhoods, site) = (self.neighborhoods, self.site);
+        let near = (NEAR_IN_SPACINGS * self.spacing).powi(2);
+        let Scratch {
+            neighbors,
+            strays,
+            far_strays,
+            listed,
+            ..
+        } = &mut *self.scratch;
+        if strays.contains(&(site as u32)) {
+            self.find_within(radius, |squared| squared > near);
+            return;
+        }
+        let reach = FAR_IN_SPACINGS * self.spacing;
+        let far_strays = far_strays.get_or_insert_with(|| {
+            let mut found = Vec::new();
+            neighborhoods.strays_around(&self.block, reach, &mut found);
+            found
+        });
+        if neighborhoods.is_outdated(list) {
+            // Other sites of the block will need them, too.
+            let listed =
+                listed.get_or_insert_with(|| neighborhoods.listed_around(&self.block, reach));
+            neighborhoods.renew(list, site, reach, listed);
+        }
+        let others = neighborhoods.far(list, far_strays);
+        let others = others.map(|other| neighborhoods.neighbor(site, other));
+        neighbors.extend(others.filter(|other| {
+            let squared = other.distance_squared;
+            squared > near && squared <= radius * radius
+        }));
+    }
+
+    /// Whether neither the site nor any that can be near it has just moved.
+    pub(super) fn is_still(&self) -> bool {
+        let is_still = |site: u32| self.neighborhoods.length_of_move(site as usize) == 0.0;
+        let listed = self.neighborhoods.listed(self.site, &self.scratch.strays);
+        is_still(self.site as u32) && listed.is_some_and(|mut others| others.all(is_still))
     }
 
     /// Adds to the neighbours all other sites within `radius` (CRS units) for whose squared
