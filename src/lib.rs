@@ -31,8 +31,9 @@
 //! ```
 //!
 //! A **survey** reads headers only, and puts the run on one scale and offset, its *quantization*. **Scatter**
-//! decodes every file once (`las`) and appends each point to the *spill* of its cell, a square of an integer
-//! grid (`tile`). Now the true counts are known: one spacing for the whole cloud is chosen (`spacing`), and
+//! decodes every file once (`las`) and adds each point to the *spill* of its cell, a square of an integer grid
+//! (`tile`), in memory or on disk. What is denser than the output can use is *thinned*: a voxel keeps a few points
+//! and the sum of the others. Now the true counts are known: one spacing for the whole cloud is chosen (`spacing`), and
 //! the **plan** cuts the plane into tiles whose points fit the memory budget together with a *halo* of their
 //! neighbours' points (`tiling`).
 //!

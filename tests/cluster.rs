@@ -178,7 +178,8 @@ fn scans_are_scattered_by_several_and_one_of_them_dies() {
     };
     let mut shards = [shard("0/2"), shard("1/2")];
     let length = |name: &str| fs::metadata(job.join(name)).map_or(0, |file| file.len());
-    while length("spill-0-0.bin") == 0 || length("spill-1-0.bin") == 0 {
+    let has_begun = |name: &str| job.join(name).exists();
+    while !has_begun("spill-0-0.bin") || !has_begun("spill-1-0.bin") {
         std::thread::sleep(Duration::from_millis(5));
     }
     let status = well(&["status", text(&job)]);

@@ -428,9 +428,10 @@ fn a_ply_holds_every_point() {
     for name in ["mean", "max"] {
         let [measured, reported] =
             [&of_las, &report].map(|of| of["accuracy"][name].as_f64().unwrap());
-        let close = (measured - reported).abs() <= 0.01 * reported;
+        // A job knows the points that thinning keeps: the nearest may be a little nearer.
+        let farther = reported - measured;
         assert!(
-            close,
+            (-0.01 * measured..0.1).contains(&farther),
             "accuracy {name}: {measured} measured, {reported} reported"
         );
     }

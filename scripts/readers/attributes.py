@@ -111,7 +111,9 @@ def rules(path):
     chosen = counts[np.arange(len(at)), np.asarray(result.classification)]
     assert (chosen == counts.max(1))[is_sure].all()
     distance = cKDTree(scan).query(at)[0]
-    assert np.allclose(result.InputDistance, distance, rtol=1e-6, atol=1e-6)
+    # To the nearest of the points that thinning keeps.
+    farther = np.asarray(result.InputDistance) - distance
+    assert (farther > -1e-6 * (1 + distance)).all() and (farther < 0.5 * spacing).all()
     area = np.asarray(result.CellArea)
     bounded = is_sure & np.isfinite(area)
     assert np.allclose((points / area)[bounded], result.InputDensity[bounded], rtol=1e-5)

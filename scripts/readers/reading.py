@@ -137,7 +137,10 @@ def check(out_path, scan_paths):
         codes_in = mix(codes_in, np.concatenate([columns[k] for columns in theirs]))
         codes_out = mix(codes_out, ours[k])
         carried += 1
-    # The attributes are those of an input point, and none is nearer.
+    # The attributes are those of an input point, the nearest of those that thinning keeps: others may
+    # be nearer by a voxel at the most.
+    apart = cKDTree(xyz).query(xyz, 2)[0][:, 1] if len(xyz) > 1 else np.zeros(1)
+    voxel = tolerance + 0.5 * np.median(apart[np.isfinite(apart)])
     known = np.isin(codes_out, codes_in)
     assert known.all(), f"{(~known).sum()} points have the attributes of no input point"
     tree = cKDTree(scan_places)
@@ -145,7 +148,7 @@ def check(out_path, scan_paths):
     while len(missing):
         away, found = tree.query(xyz[missing], near)
         away, found = away.reshape(-1, near), found.reshape(-1, near)
-        nearest = away <= away[:, :1] + tolerance
+        nearest = away <= away[:, :1] + voxel
         same = nearest & (codes_in[found] == codes_out[missing, None])
         # Of many points at one place some may not have been asked for.
         undecided = nearest.all(1) & ~same.any(1) & (near < len(scan_places))

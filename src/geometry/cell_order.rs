@@ -72,8 +72,8 @@ mod tests {
 
     #[test]
     fn items_of_a_cell_stand_together_in_their_order() {
-        for wide in [3, i32::MAX] {
-            let c = |k: u64| (spread(k) % 5) as i32 * (wide / 3) - wide / 2;
+        for wide in [5, i32::MAX] {
+            let c = |k: u64| (spread(k) % 5) as i32 * (wide / 5) - wide / 2;
             let cells: Vec<CellIndex> = (0..900)
                 .map(|i| [c(3 * i), c(3 * i + 1), c(3 * i + 2)])
                 .collect();

@@ -85,7 +85,7 @@ pub(super) struct Evenness {
 /// [`SPANNED`] spacings; the last bin contains all greater distances, too.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Fidelity {
-    /// Distances from points of the output to the nearest point of the input.
+    /// Distances from points of the output to the nearest of the input points that thinning keeps.
     pub(super) accuracy: DistanceFigures,
     /// Distances from points of the input to the nearest point of the output.
     pub(super) coverage: DistanceFigures,

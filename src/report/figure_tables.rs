@@ -34,7 +34,7 @@ pub(super) fn figures(report: &Report) -> String {
         ],
     ];
     let distances = [
-        ("output to input", &report.fidelity.accuracy),
+        ("output to thinned input", &report.fidelity.accuracy),
         ("input to output", &report.fidelity.coverage),
     ]
     .map(|(name, d)| {

@@ -111,7 +111,8 @@ fn distances(report: &Report) -> String {
         SPANNED,
     ) + "<p class=\"legend\"><span class=\"input\"></span> from the input to the output: coverage \
          <span class=\"output\"></span> from the output to the input: accuracy</p>\
-         <p class=\"soft\">shares of all points; the last bar is two spacings and more</p>"
+         <p class=\"soft\">shares of all points; of the input those that thinning keeps; the last bar is \
+         two spacings and more</p>"
 }
 
 /// Returns the chart and the table of time, memory and disk.

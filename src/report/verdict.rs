@@ -72,7 +72,7 @@ fn faithful(report: &Report) -> Verdict {
         accuracy.mean < LARGEST_MEAN_DISTANCE_IN_SPACINGS * report.run.spacing
             && coverage.share_beyond < LARGEST_UNCOVERED_SHARE,
         format!(
-            "to the input {} {unit} in the mean, {} {unit} at most; {:.2} % of the input farther \
+            "to the thinned input {} {unit} in the mean, {} {unit} at most; {:.2} % of the input farther \
              than 1.5 spacings",
             figure(accuracy.mean),
             figure(accuracy.max),

@@ -9,7 +9,7 @@
 use rayon::prelude::*;
 
 use crate::{
-    geometry::{OccupiedCells, Quantization, Stored, cell_of},
+    geometry::{OccupiedCells, Quantization, Stored},
     lloyd::{Scan, SolverOptions, Thinning, elected_in},
     tiling::{CountedCloud, Plan, PlanOptions, Square, Tile},
 };
@@ -115,14 +115,15 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
         }
     }
 
-    /// Counts the voxels, of edge `options.spacing`, that the points of each part occupy.
+    /// Counts the double voxels that the points of each part occupy.
     pub(super) fn count_voxels(&mut self, options: &SolverOptions) -> Result<(), C::Error> {
         let tiles: Vec<Tile> = self.parts.iter().map(|part| part.0).collect();
+        let thinning = Thinning::new(self.quantization, options);
         let voxels = by_tile(&tiles, |tile| {
             let points =
                 self.cloud
                     .gather(&tile.core, self.quantization, options, PART_THINNING_LIMIT)?;
-            let voxel = |&point: &Stored| cell_of(self.quantization.local(point), options.spacing);
+            let voxel = |&point: &Stored| thinning.double_voxel_of(point);
             Ok(OccupiedCells::sort(&points.kept, voxel).0.len() as u64)
         })?;
         self.parts = tiles.into_iter().zip(voxels).collect();

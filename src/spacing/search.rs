@@ -48,9 +48,12 @@ const NOT_CARRIED: f64 = -0.05;
 /// Growth of the logarithm of the count, while the spacing is at least halved, below which no finer spacing is
 /// tried. On a plane it is 1.39 for each halving, and none where points stand alone.
 const LEAST_GROWTH: f64 = 0.05;
-/// Sites for each occupied voxel of the spacing's edge, approximately: 0.77 on planes at all angles, 1.15 on
-/// planes along the axes.
-const SITES_PER_VOXEL: f64 = 0.9;
+/// Sites for each occupied double voxel, four fifths of a spacing wide, approximately: 0.49 on planes at all
+/// angles, 0.74 on planes along the axes.
+const SITES_PER_VOXEL: f64 = 0.58;
+/// With fewer sites for each point than this, voxels alone say how many sites a spacing gives: nothing is
+/// filled there, and seeds need not be elected.
+const DENSE_SITES_PER_POINT: f64 = 0.1;
 /// The slope on a plane, where the count is proportional to the inverse square of the spacing.
 const SLOPE_OF_A_PLANE: f64 = -2.0;
 
@@ -67,9 +70,13 @@ pub(crate) fn estimated_count<C: CountedCloud>(
 ) -> Result<f64, SpacingError<C::Error>> {
     let options = estimate_options(cloud, quantization, settings, spacing);
     let mut parts = Parts::cut(cloud, quantization, &options, POINTS_FOR_ESTIMATE);
-    if !parts.are_all_drawn(ESTIMATE_SAMPLE) {
+    let is_dense = options.seeds_per_point < DENSE_SITES_PER_POINT;
+    if is_dense || !parts.are_all_drawn(ESTIMATE_SAMPLE) {
         let counted = parts.count_voxels(&options);
         counted.map_err(SpacingError::Gather)?;
+    }
+    if is_dense {
+        return Ok(parts.sites(SITES_PER_VOXEL));
     }
     let counts = parts.elect(&parts.draw(ESTIMATE_SAMPLE), &options);
     Ok(parts.seeds(counts.map_err(SpacingError::Gather)?))

@@ -42,7 +42,6 @@ impl CountedCloud for Spill {
                 Spilled::Record(record) => found.kept.push(Stored::of_record(record)),
                 Spilled::Sum(sum) => found.sums.push(*sum),
             },
-            |found| found,
             |found| {
                 points.append(found);
                 if points.len() > limit {

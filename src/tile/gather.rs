@@ -68,8 +68,8 @@ impl Spill {
     }
 
     /// Reads the points in `rect` in parallel. `visit` adds what it is given to the result of a
-    /// part of the spill. `end` is called once with the result of each part, by the thread that
-    /// has read it; `take` receives the results in their order.
+    /// part of the spill. `take` receives the results of a few parts, in their order, before the
+    /// next ones are read.
     ///
     /// # Errors
     ///
@@ -79,7 +79,6 @@ impl Spill {
         &self,
         rect: &Rect,
         visit: impl Fn(&mut T, Spilled<'_>) + Sync,
-        end: impl Fn(T) -> T + Sync,
         mut take: impl FnMut(T),
     ) -> Result<(), TileError> {
         let threads = rayon::current_num_threads();
@@ -95,7 +94,7 @@ impl Spill {
                             let (records, sums) = (&points.records, &points.sums);
                             self.visit_cell(**cell, records, sums, rect, &mut visit);
                         }
-                        end(found)
+                        found
                     };
                     let parts: Vec<T> = few.par_chunks(CELLS_PER_PART).map(read).collect();
                     parts.into_iter().for_each(&mut take);
@@ -113,7 +112,7 @@ impl Spill {
                     let mut found = T::default();
                     let mut visit = |spilled: Spilled<'_>| visit(&mut found, spilled);
                     self.visit_window(files, chunks, rect, buffer, &mut visit)?;
-                    Ok(end(found))
+                    Ok(found)
                 })
                 .collect::<Result<_, TileError>>()?;
             parts.into_iter().for_each(&mut take);
@@ -178,7 +177,7 @@ impl Spill {
     }
 }
 
-/// Those of `cells` that intersect `rect`.
+/// The `cells` that intersect `rect`.
 fn cells_in<'a>(
     cells: &'a BTreeMap<CellKey, CellPoints>,
     grid: CellGrid,

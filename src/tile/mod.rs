@@ -1,8 +1,8 @@
-//! Everything that is larger than memory and lies in temporary files: the spill of the points,
-//! the solved tiles, and what joins them.
+//! Everything that may be larger than memory, and then lies in temporary files: the spill of the
+//! points, the solved tiles, and what joins them.
 //!
 //! ```text
-//!   scatter      each point is appended once to the spill, in the chunk of its cell
+//!   scatter      each point is added once to the spill, to those of its cell, and thinned there
 //!   gather       the points of a tile, halo included, are read back from the spill
 //!   solved tile  what solving a tile leaves behind: its checkpoint
 //!   stitch       the tiles are joined to one cloud, by the identity of their sites

@@ -7,6 +7,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use rayon::prelude::*;
+
 use super::{
     cell_points::CellPoints,
     error::TileError,
@@ -15,6 +17,7 @@ use super::{
 use crate::{
     geometry::Rect,
     las::PointCounts,
+    lloyd::Thinning,
     tiling::{Bounds, CellGrid, CellKey, SQUARES_PER_CELL_EDGE},
 };
 
@@ -103,6 +106,17 @@ impl Spill {
         match length.len() == index.bytes {
             true => Ok(index),
             false => Err(TileError::damaged(&path)),
+        }
+    }
+
+    /// Thins the points that lie in memory.
+    pub(crate) fn thin(&mut self, thinning: &Thinning) {
+        let record_length = self.record_length();
+        if let Place::Memory(cells) = &mut self.place {
+            cells.par_iter_mut().for_each(|(_, points)| {
+                points.thin(record_length, thinning);
+                points.records.shrink_to_fit();
+            });
         }
     }
 

@@ -68,7 +68,6 @@ impl SortedRecords for Spill {
                     found.extend(record);
                 }
             },
-            |found| found,
             |found| records.extend(found),
         )?;
         Ok(records)

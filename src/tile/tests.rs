@@ -319,7 +319,6 @@ fn thinned(spill: &Spill) -> CellPoints {
                 Spilled::Record(record) => part.records.extend(record),
                 Spilled::Sum(sum) => part.sums.push(*sum),
             },
-            |part| part,
             |part| all.extend(&part.records, &part.sums),
         )
         .unwrap();
@@ -377,7 +376,9 @@ fn points_thinned_as_they_come_are_those_thinned_at_once() {
             assert_eq!(spill.points(), all.len() as u64);
             assert_eq!(spill.resident_bytes() > 0, is_in_memory);
             assert_eq!(dir.path().join("spill.bin").exists(), !is_in_memory);
-            assert!(!is_in_memory || spill.values() < all.len() as u64 / 3);
+            // Cells that are narrower than voxels have little to thin.
+            let is_thinned = spill.values() < all.len() as u64 / 3;
+            assert!(is_thinned || edge == 8 || !is_in_memory);
             let found = thinned(&spill);
             assert_eq!(found.records, at_once.records);
             assert_eq!(found.sums, at_once.sums);

@@ -17,16 +17,16 @@ const BYTES_PER_POINT_SOLVED: f64 = 9.0;
 /// Bytes per voxel of a tile's scan: sample, table, order. A tile is solved while the next one is
 /// read, and both have voxels.
 const BYTES_PER_VOXEL: f64 = 2.0 * 50.0;
-/// Approximate number of voxels per seed: eight on a plane that is parallel to the lattice, twelve
-/// on one that crosses it.
-const VOXELS_PER_SEED: f64 = 12.0;
+/// Approximate number of voxels per seed: six on a plane that is parallel to the lattice, nine on
+/// one that crosses it.
+const VOXELS_PER_SEED: f64 = 9.0;
 /// Positions that the filling adds per seed where the scan is coarser than the output.
 const FILLED_POSITIONS_PER_SEED: f64 = 4.0;
 /// Bytes per seed of a tile: states, steps, responses to moves, histories.
-const BYTES_PER_SEED: f64 = 900.0;
+const BYTES_PER_SEED: f64 = 1050.0;
 /// Share of the budget that a tile may use, because the allocator does not return all memory at
-/// once. With the costs above and a share of 0.85 fifteen runs of the demo's job, whose three tiles
-/// just fit, had peaks of 68 to 93 % of 256 MiB.
+/// once. Of the costs above tiles that just fitted took 65 to 110 %, on two real scans and five
+/// simulated clouds with a place a thousand times denser than the rest.
 const USABLE_SHARE: f64 = 0.8;
 /// Share of the budget that scattered points may take; tiles have the rest.
 const LARGEST_SPILL_SHARE: f64 = 0.3;

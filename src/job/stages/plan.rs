@@ -10,7 +10,7 @@ use crate::{
         directory::{DiskNeed, bytes_in, check_room, directory_of},
         error::JobError,
         progress::Progress,
-        resources::mebibytes,
+        resources::{mebibytes, peak_resident},
     },
     lloyd::SolverOptions,
     tiling::{Plan, PlanOptions, Tile},
@@ -90,7 +90,9 @@ pub(super) fn plan_tiles(
     check_disks(cloud, solved, records)?;
 
     // Estimate memory and time.
-    let needed = cloud.budget.needed(plan.most_cost() as f64);
+    // Before there are tiles, decoders and batches may have held more than a tile will.
+    let held = peak_resident().unwrap_or(0);
+    let needed = held.max(cloud.budget().needed(plan.most_cost() as f64));
     run.progress.note(&format!(
         "{}; memory up to {} of {}, temporary files up to {}",
         match plan.tiles.len() {
@@ -127,7 +129,7 @@ fn tiles(
     halo: f64,
 ) -> Result<Plan, JobError> {
     let (run, quantization) = (cloud.run, cloud.quantization());
-    let most_cost = cloud.budget.tile();
+    let most_cost = cloud.budget().tile();
     let found = cloud.directory.read::<Plan>(PLAN_FILE);
     let is_new = found.is_none();
     if let Some(found) = found.filter(|plan| plan.most_cost() <= most_cost) {
@@ -180,7 +182,7 @@ fn expected_seconds(
 
 /// The error of a job whose memory is too little for `tile`.
 fn too_little_memory(cloud: &ScatteredCloud<'_>, tile: &Tile, halo: f64) -> JobError {
-    let budget = &cloud.budget;
+    let budget = cloud.budget();
     let (total, needed) = (budget.total, budget.needed(tile.cost as f64));
     let points = tile.points_seen;
     let tiling = &cloud.run.job.settings.tiling;

@@ -21,6 +21,7 @@ use crate::job::{
     progress::Progress,
     resources::mebibytes,
 };
+use crate::lloyd::Thinning;
 
 /// Brings the job to the point where its tiles can be solved, from where earlier runs stopped.
 /// Returns `None` if an earlier run has delivered the output. If several processes have begun to
@@ -127,7 +128,7 @@ fn scatter_and_plan(
     let settings = &run.job.settings;
 
     // Scatter every point to the spill of its cell.
-    let (survey, spill) = scatter_readable(run, directory, survey, worker, readers)?;
+    let (survey, mut spill) = scatter_readable(run, directory, survey, worker, readers)?;
     run.clock.end_stage("scatter");
     if spill.points() == 0 {
         return Err(no_points(&survey, &spill));
@@ -139,20 +140,30 @@ fn scatter_and_plan(
         directory,
         survey: &survey,
         spill: &spill,
-        budget: run.budget.holding(spill.resident_bytes()),
     };
     let (spacing, points_out) = choose_spacing(&cloud)?;
     let sites_per_point = points_out as f64 / spill.points() as f64;
     let options = settings.solver.at(spacing, sites_per_point);
 
+    // Points in memory that no tile will use make room.
+    let transfer = Transfer::new(&survey.record, settings);
+    if !transfer.needs_cells() {
+        spill.thin(&Thinning::new(&survey.quantization, &options));
+    }
+
     // Cut the plane into tiles that fit the memory.
+    let cloud = ScatteredCloud {
+        run,
+        directory,
+        survey: &survey,
+        spill: &spill,
+    };
     let plan = plan_tiles(&cloud, &options, points_out)?;
     run.clock.end_stage("plan");
 
     // Check that the inputs are still those of the survey, and name them by their checksums.
     inputs.check()?;
     let checksums = checksums(&survey, directory)?;
-    let transfer = Transfer::new(&survey.record, settings);
     let solver = TileSolver {
         spill,
         plan,

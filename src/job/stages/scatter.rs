@@ -28,8 +28,8 @@ use crate::{
 /// Bytes that are spilled between checkpoints: a scatter that is killed loses as many.
 const CHECKPOINT_BYTES: u64 = 1 << 30;
 
-/// The largest number of points, as headers claim it, that a scatter may keep in memory alone: it
-/// begins anew if it is killed. Two cores decode as many in some half a minute.
+/// The largest number of points, as headers claim it, of a job whose points may stay in memory,
+/// without a file: if it is killed it decodes them again, which takes two cores half a minute.
 const MOST_POINTS_WITHOUT_FILE: u64 = 64_000_000;
 
 /// Who will read the scattered points.
@@ -103,6 +103,7 @@ pub(super) struct Scatter<'a> {
     pub(super) run: &'a RunContext<'a>,
     /// The headers of the inputs.
     pub(super) survey: &'a Survey,
+    /// Who will read the scattered points.
     pub(super) readers: SpillReaders,
 }
 
@@ -120,10 +121,23 @@ impl Scatter<'_> {
         });
         let record_length = self.survey.record.record_length() as u64;
         let points = self.survey.points_claimed();
+        let bytes = points.saturating_mul(record_length);
         DiskNeed {
             what: format!("all points{largest}"),
             dir: self.dir(),
-            bytes: (points.saturating_mul(record_length)).saturating_sub(spilled),
+            bytes: match bytes <= self.memory_bytes(points) {
+                true => 0,
+                false => bytes.saturating_sub(spilled),
+            },
+        }
+    }
+
+    /// The bytes of a spill of `points` that may stay in memory.
+    fn memory_bytes(&self, points: u64) -> u64 {
+        let has_readers = self.run.job.keep || self.readers == SpillReaders::Others;
+        match points <= MOST_POINTS_WITHOUT_FILE && !has_readers {
+            true => self.run.budget.spill(),
+            false => 0,
         }
     }
 
@@ -146,10 +160,7 @@ impl Scatter<'_> {
         } else {
             let points = InputPart::points_in(&parts);
             self.run.progress.begin("scatter", points, 0, Unit::Points);
-            let memory_bytes = match points <= MOST_POINTS_WITHOUT_FILE && !self.has_readers() {
-                true => self.run.budget.spill(),
-                false => 0,
-            };
+            let memory_bytes = self.memory_bytes(points);
             let spill = self.spill(&parts, &single_spill(self.dir()), memory_bytes)?;
             self.run.progress.end();
             spill
@@ -239,11 +250,6 @@ impl Scatter<'_> {
                 worker.retry_limit + 1
             ))
         })
-    }
-
-    /// Whether anybody reads the scattered points after this process.
-    fn has_readers(&self) -> bool {
-        self.run.job.keep || self.readers == SpillReaders::Others
     }
 
     /// Brings `parts` to the spill at `stem`, and continues where an earlier run stopped. At most

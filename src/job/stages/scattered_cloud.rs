@@ -17,11 +17,14 @@ pub(crate) struct ScatteredCloud<'a> {
     pub(crate) survey: &'a Survey,
     /// The points.
     pub(crate) spill: &'a Spill,
-    /// The budget beside the points that stay in memory.
-    pub(crate) budget: Budget,
 }
 
 impl ScatteredCloud<'_> {
+    /// The budget beside the points that stay in memory.
+    pub(crate) fn budget(&self) -> Budget {
+        self.run.budget.holding(self.spill.resident_bytes())
+    }
+
     /// Scale and offset of the points.
     pub(crate) fn quantization(&self) -> &Quantization {
         &self.survey.quantization

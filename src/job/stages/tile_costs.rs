@@ -1,7 +1,7 @@
 //! The memory that a tile takes for each counting square, by the counts of points and voxels.
 //!
 //! What a tile holds of the scan is counted as it will be held: thinned. Its number of seeds is
-//! estimated from its occupied voxels: one for ten where the scan is dense, one for each where it is
+//! estimated from its occupied voxels: one for seven where the scan is dense, one for each where it is
 //! sparse, but no more there than the area has room for.
 
 use std::collections::HashMap;
@@ -21,8 +21,8 @@ use crate::{
 
 /// A tile may have this factor more seeds than estimated.
 const SEED_MARGIN: f64 = 1.25;
-/// Occupied voxels to a seed where the scan is dense: nine on a plane that is parallel to the axes.
-const VOXELS_PER_DENSE_SEED: f64 = 10.0;
+/// Occupied voxels to a seed where the scan is dense: five on a plane that is parallel to the axes.
+const VOXELS_PER_DENSE_SEED: f64 = 7.0;
 /// Number of points in memory while the points that remain after thinning are counted.
 const THINNING_LIMIT: u64 = 1 << 20;
 
@@ -64,7 +64,7 @@ pub(super) fn costed_squares(
         spill.squares().map(square).collect()
     };
     let as_one = squares(&all);
-    if as_one.iter().map(|square| square.cost).sum::<u64>() <= cloud.budget.tile() {
+    if as_one.iter().map(|square| square.cost).sum::<u64>() <= cloud.budget().tile() {
         return Ok(as_one);
     }
 
@@ -95,7 +95,7 @@ fn kept_counts(
     let (grid, thinning) = (spill.grid(), Thinning::new(quantization, options));
     // Several threads together may have the points in memory that one alone may.
     let threads = cloud.run.job.settings.resources.threads;
-    let limit = THINNING_LIMIT.min(points_for(cloud.budget.tile())) / threads as u64;
+    let limit = THINNING_LIMIT.min(points_for(cloud.budget().tile())) / threads as u64;
     let count_in = |rect: &Rect| -> Result<HashMap<[i64; 2], KeptCounts>, JobError> {
         let points = CountedCloud::gather(spill, rect, quantization, options, limit)?;
         let points = thinning.thinned(points);

@@ -195,7 +195,6 @@ impl Transfer {
                     cell.add(record, self.record.averaged_fields());
                 }
             },
-            |part| part,
             |part| {
                 for (point, record) in part.records {
                     keep_smallest(&mut all.records, point, &record);

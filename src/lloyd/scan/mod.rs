@@ -9,6 +9,7 @@ mod smoothing;
 mod surroundings;
 mod thinned;
 mod thinning;
+mod voxel;
 
 pub use points::Scan;
 pub(crate) use thinned::{PointSum, ThinnedPoints};

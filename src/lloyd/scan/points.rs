@@ -10,22 +10,19 @@
 //!
 //! Sums are of integers, so they do not depend on the order of the points.
 
-use std::{cmp::Ordering, ops::Range};
+use std::ops::Range;
 
 use rayon::prelude::*;
 
 use super::{
     thinned::{PointSum, ThinnedPoints},
-    thinning::{Best, MOST_IN_VOXEL},
+    thinning::{MOST_IN_VOXEL, keep_first},
+    voxel::voxel_edge,
 };
 use crate::{
     geometry::{Local, NeighborGrid, OccupiedCells, Quantization, Stored, cell_of},
     lloyd::SolverOptions,
 };
-
-/// Voxels to a spacing. Three give some forty samples to a patch of radius 1.2 spacings; more
-/// cost time and moved no figure.
-const VOXELS_PER_SPACING: f64 = 3.0;
 
 /// Edge of the cells in which samples are looked up.
 const SAMPLE_CELL_IN_FIT_RADII: f64 = 0.4;
@@ -96,55 +93,22 @@ impl Scan {
         drop(kept);
 
         // The sum of each voxel is that of all its points, kept or not.
-        let ranges: Vec<Range<usize>> = voxels.ranges().collect();
-        let sum = |range: &Range<usize>| {
+        let sum = |range: Range<usize>| {
             let mut sum = PointSum::default();
-            points[range.clone()]
-                .iter()
-                .for_each(|&point| sum.add(point));
+            let in_voxel = points[range].iter();
+            in_voxel.for_each(|&point| sum.add(point));
             sum
         };
-        let mut totals: Vec<PointSum> = ranges.par_iter().map(sum).collect();
-        let mut is_thinned = vec![false; if sums.is_empty() { 0 } else { totals.len() }];
+        let ranges: Vec<Range<usize>> = voxels.ranges().collect();
+        let mut totals: Vec<PointSum> = ranges.into_par_iter().map(sum).collect();
         for sum in &sums {
             // A voxel on the rim of what is known may have lost its points.
             if let Some(index) = voxels.index_of(cell_of(quantization.local(sum.mean()), voxel)) {
                 totals[index].merge(sum);
-                is_thinned[index] = true;
             }
         }
         drop(sums);
-
-        // Fewer points stay in crowded voxels.
-        let is_crowded = |index: usize| {
-            ranges[index].len() > most || is_thinned.get(index).is_some_and(|&thinned| thinned)
-        };
-        if (0..ranges.len()).into_par_iter().any(is_crowded) {
-            let mut best = Best::default();
-            let mut end = 0;
-            let mut counts = Vec::with_capacity(ranges.len());
-            for (index, range) in ranges.iter().enumerate() {
-                let start = end;
-                if is_crowded(index) {
-                    best.clear();
-                    for &point in &points[range.clone()] {
-                        best.consider(point.priority(seed), point, 0, |_, _| Ordering::Equal);
-                    }
-                    for point in best.points() {
-                        points[end] = point;
-                        end += 1;
-                    }
-                    points[start..end].sort_unstable();
-                } else {
-                    points.copy_within(range.clone(), end);
-                    end += range.len();
-                }
-                counts.push((end - start) as u32);
-            }
-            points.truncate(end);
-            points.shrink_to_fit();
-            voxels.set_counts(&counts);
-        }
+        keep_first(&mut voxels, &mut points, &totals, most, seed);
 
         let mean = |total: &PointSum| {
             let weight = quantization.scale / total.count as f64;
@@ -239,18 +203,6 @@ impl Scan {
         let voxels = self.points_by_voxel();
         voxels.filter_map(|v| self.representative(v)).collect()
     }
-}
-
-/// The edge of a voxel (CRS units): at least one stored unit, as a finer voxel would contain
-/// one point at most.
-///
-/// # Panics
-///
-/// Unless the spacing is positive.
-pub(super) fn voxel_edge(quantization: &Quantization, options: &SolverOptions) -> f64 {
-    let spacing = options.spacing;
-    assert!(spacing > 0.0, "a spacing of {spacing}");
-    (spacing / VOXELS_PER_SPACING).max(quantization.scale)
 }
 
 #[cfg(test)]

@@ -66,7 +66,7 @@ impl PointSum {
 pub(crate) struct ThinnedPoints {
     /// The points that are kept.
     pub(crate) kept: Vec<Stored>,
-    /// The others, any number of sums to a voxel.
+    /// The sums of points that are not kept, any number to a voxel.
     pub(crate) sums: Vec<PointSum>,
 }
 

@@ -19,11 +19,11 @@
 use std::cmp::Ordering;
 
 use super::{
-    points::voxel_edge,
     thinned::{PointSum, ThinnedPoints},
+    voxel::voxel_edge,
 };
 use crate::{
-    geometry::{CellIndex, CellOrder, Quantization, Stored, cell_of},
+    geometry::{CellIndex, CellOrder, OccupiedCells, Quantization, Stored, cell_of},
     lloyd::SolverOptions,
 };
 
@@ -58,6 +58,13 @@ impl Thinning {
     #[inline]
     pub(crate) fn voxel_of(&self, point: Stored) -> CellIndex {
         cell_of(self.quantization.local(point), self.voxel)
+    }
+
+    /// The double voxel of `point`, two voxels wide on each axis. Which ones are occupied does not depend
+    /// on whether the points have been thinned, since every occupied voxel keeps a point.
+    #[inline]
+    pub(crate) fn double_voxel_of(&self, point: Stored) -> CellIndex {
+        self.voxel_of(point).map(|c| c.div_euclid(2))
     }
 
     /// The number of points on a square of edge `edge` (CRS units) of a plane beyond which
@@ -127,22 +134,61 @@ impl Thinning {
     }
 }
 
+/// Keeps at most `most` of the `points` of each of `voxels`, by which they are sorted, and sorts
+/// them in their voxel. `totals` are the sums of all points of the voxels, those included that
+/// were thinned before.
+pub(super) fn keep_first(
+    voxels: &mut OccupiedCells,
+    points: &mut Vec<Stored>,
+    totals: &[PointSum],
+    most: usize,
+    seed: u64,
+) {
+    if totals.iter().all(|total| total.count <= most as u64) {
+        return;
+    }
+    let mut best = Best::default();
+    let mut end = 0;
+    let mut counts = Vec::with_capacity(totals.len());
+    for (range, total) in voxels.ranges().zip(totals) {
+        let start = end;
+        if total.count > most as u64 {
+            best.clear();
+            for &point in &points[range] {
+                best.consider(point.priority(seed), point, 0, |_, _| Ordering::Equal);
+            }
+            for &(_, point, _) in &best.first {
+                points[end] = point;
+                end += 1;
+            }
+            points[start..end].sort_unstable();
+        } else {
+            end += range.len();
+            points.copy_within(range, start);
+        }
+        counts.push((end - start) as u32);
+    }
+    points.truncate(end);
+    points.shrink_to_fit();
+    voxels.set_counts(&counts);
+}
+
 /// The first few of the points that were considered, by priority; equal points count once.
 #[derive(Default)]
-pub(super) struct Best {
+struct Best {
     /// Priority, point and index, in their order.
     first: Vec<(u64, Stored, u32)>,
 }
 
 impl Best {
-    pub(super) fn clear(&mut self) {
+    fn clear(&mut self) {
         self.first.clear();
     }
 
     /// Considers `point`, which has this `index`. Of equal points the one that `order` puts first
     /// stays.
     #[inline]
-    pub(super) fn consider(
+    fn consider(
         &mut self,
         priority: u64,
         point: Stored,
@@ -165,27 +211,21 @@ impl Best {
             }
             Err(at) => {
                 self.first.truncate(MOST_IN_VOXEL - 1);
-                self.first
-                    .insert(at.min(self.first.len()), (priority, point, index));
+                self.first.insert(at, (priority, point, index));
             }
         }
     }
 
     /// Takes the points off the sum of all points.
-    pub(super) fn leave_out_of(&self, all: &mut PointSum) {
+    fn leave_out_of(&self, all: &mut PointSum) {
         for (_, point, _) in &self.first {
             all.remove(*point);
         }
     }
 
     /// The points' indices.
-    pub(super) fn indices(&self) -> impl Iterator<Item = u32> + '_ {
+    fn indices(&self) -> impl Iterator<Item = u32> + '_ {
         self.first.iter().map(|&(_, _, index)| index)
-    }
-
-    /// The points.
-    pub(super) fn points(&self) -> impl Iterator<Item = Stored> + '_ {
-        self.first.iter().map(|&(_, point, _)| point)
     }
 }
 

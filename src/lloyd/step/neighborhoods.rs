@@ -29,8 +29,8 @@ const SITES_PER_STRAY: usize = 50;
 /// Room for the far list of a site of a surface.
 const USUAL_FAR_COUNT: usize = 32;
 
-/// The others that can be farther than near from a site and cut its cell: a list that is made
-/// on demand, and valid as long as the others are.
+/// A list of the sites that are farther than near from a site and can cut its cell. It is made
+/// on demand, and valid as long as the other lists are.
 #[derive(Clone, Default)]
 pub(crate) struct FarList {
     /// The number of the lists that it was made with; 0 for none.
