@@ -94,7 +94,7 @@ pub fn scatter(
 ///
 /// # Errors
 ///
-/// Those of [`scatter`].
+/// A [`TileError`], for the reasons that [`scatter`] has.
 pub(crate) fn scatter_into(
     sources: Vec<Opener<'_>>,
     grid: CellGrid,

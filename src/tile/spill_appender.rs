@@ -231,6 +231,11 @@ impl SpillAppender {
             buffer.points.thin(record_length, &thinning);
             buffer.thinned_bytes = buffer.points.bytes();
         });
+        self.measure_buffers();
+    }
+
+    /// Finds the bytes of all buffers anew, after all of them have changed.
+    fn measure_buffers(&mut self) {
         let buffers = self.buffers.values();
         self.buffered = buffers.map(|buffer| buffer.points.capacity()).sum();
     }
@@ -247,8 +252,7 @@ impl SpillAppender {
             buffer.points.extend(records, sums);
             buffer.thinned_bytes += finer.thinned_bytes;
         }
-        let buffers = self.buffers.values();
-        self.buffered = buffers.map(|buffer| buffer.points.capacity()).sum();
+        self.measure_buffers();
         Ok(())
     }
 

@@ -57,7 +57,7 @@ impl<'a> FarNeighbors<'a> {
         Ok(self.tally)
     }
 
-    /// Looks up the waiting points.
+    /// Finds the nearest neighbours of the waiting points, which then wait no longer.
     fn look_up(&mut self) -> Result<(), JobError> {
         let Some(bounds) = bounding_rectangle(&self.waiting) else {
             return Ok(());

@@ -21,7 +21,7 @@ use crate::job::{
     progress::Progress,
     resources::mebibytes,
 };
-use crate::lloyd::Thinning;
+use crate::{lloyd::Thinning, spacing::Target};
 
 /// Brings the job to the point where its tiles can be solved, from where earlier runs stopped.
 /// Returns `None` if an earlier run has delivered the output. If several processes have begun to
@@ -145,9 +145,10 @@ fn scatter_and_plan(
     let sites_per_point = points_out as f64 / spill.points() as f64;
     let options = settings.solver.at(spacing, sites_per_point);
 
-    // Points in memory that no tile will use make room.
+    // Points in memory that no tile will use make room. With a known spacing they did as they came.
     let transfer = Transfer::new(&survey.record, settings);
-    if !transfer.needs_cells() {
+    let is_thinned = matches!(settings.target, Target::Spacing(_));
+    if !is_thinned && !transfer.needs_cells() {
         spill.thin(&Thinning::new(&survey.quantization, &options));
     }
 
