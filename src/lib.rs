@@ -41,10 +41,12 @@
 //! neighbourhood only, and are moved, iteration by iteration, to the centroids of their Voronoi cells,
 //! restricted to quadratic patches that are fitted to the scan (`geometry`). Every seed has an identity that
 //! does not depend on tiles, and everything is computed from the data in an order given by the data: two
-//! tiles that both see enough have the same bits. So the **stitch** joins them by identity, each seed once,
-//! and there is no seam to be found. Each point takes all its attributes from the nearest point of the scan,
-//! and is **written** once, to a file that is complete under its name or not there. The **report** says how
-//! uniform, how faithful and how seamless the result is (`quality`).
+//! tiles that both see enough have the same bits. Where tiles are small, they do it in two *rounds*: all
+//! tiles do the first iterations before any does the rest, and each needs to see less around it. The
+//! **stitch** joins the tiles by identity, each seed once, and there is no seam to be found. Each point takes
+//! all its attributes from the nearest point of the scan, and is **written** once, to a file that is complete
+//! under its name or not there. The **report** says how uniform, how faithful and how seamless the result is
+//! (`quality`).
 //!
 //! `job` runs the stages within threads and memory, and continues where an earlier run stopped; `config` has
 //! the options as written and as meant; `simulate` makes a street with known surfaces to try everything on;

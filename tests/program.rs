@@ -44,6 +44,9 @@ fn tiles_threads_and_memory_do_not_show() {
         if more.contains(&"10") {
             let tiles = report["tiles"].as_array().unwrap().len();
             assert!(tiles > 8, "{tiles}");
+            // So small tiles do their iterations in two rounds.
+            let stages = report["stages"].as_array().unwrap();
+            assert!(stages.iter().any(|stage| stage["stage"] == "start"));
             let on_seams = report["seams"]["on_seams"]["delta"].as_f64().unwrap();
             let elsewhere = report["seams"]["elsewhere"]["delta"].as_f64().unwrap();
             assert!(on_seams <= 1.05 * elsewhere, "{on_seams} {elsewhere}");

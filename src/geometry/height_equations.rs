@@ -74,10 +74,10 @@ impl HeightEquations {
 /// The moments and right sides: one loop over the neighbours.
 fn moments(near: Lanes<'_>, axes: [Local; 3], foot: f64) -> [f64; MOMENTS] {
     let mut sums = [[0.0; LANES]; MOMENTS];
-    for [x, y, z] in near {
+    for [x, y, z, own] in near {
         for k in 0..LANES {
             let (x, y, z) = (x[k], y[k], z[k]);
-            let w = weight(x, y, z);
+            let w = own[k] * weight(x, y, z);
             let [u, v, height] = axes.map(|axis| axis.x * x + axis.y * y + axis.z * z);
             let height = height - foot;
             let (wu, wv) = (w * u, w * v);

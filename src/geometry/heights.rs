@@ -4,7 +4,7 @@
 ///
 /// Lengths are CRS units: `h` is a length, the slopes `p`, `q` have no unit, the second
 /// derivatives `a`, `b`, `c` are inverse lengths.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct Heights {
     pub(super) h: f64,
     pub(super) p: f64,

@@ -19,7 +19,7 @@
 use super::{Local, heights::Heights};
 
 /// A height function of degree 2 over a tangent plane.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Patch {
     /// The position where `u = v = w = 0`.
     pub(crate) origin: Local,
@@ -208,6 +208,22 @@ mod tests {
             (patch.foot_point(seed) - seed).norm()
         };
         assert!(error(0.1) < error(0.4) / 16.0);
+    }
+
+    #[test]
+    fn a_neighbor_with_a_weight_counts_as_often() {
+        let (seed, points) = sampled(|x, y| 0.1 * x * x + 0.02 * (9.0 * x * y).sin(), 0.5);
+        let weights: Vec<f64> = (0..points.len()).map(|k| 1.0 + (k % 3) as f64).collect();
+        let often = points.iter().enumerate();
+        let often: Vec<Local> = often
+            .flat_map(|(k, &point)| std::iter::repeat_n(point, 1 + k % 3))
+            .collect();
+        let kind = PatchKind::Plane;
+        let weighted = Patch::fit_weighted(seed, &points, &weights, 0.5, kind).unwrap();
+        let repeated = Patch::fit(seed, &often, 0.5, kind).unwrap();
+        assert!((weighted.origin - repeated.origin).norm() < 1e-12);
+        assert!((weighted.axes[2] - repeated.axes[2]).norm() < 1e-9);
+        assert!((weighted.residual - repeated.residual).abs() < 1e-12);
     }
 
     #[test]

@@ -29,16 +29,28 @@ impl Patch {
     ///
     /// `None` with fewer than four neighbours, or if they lie on one line.
     pub fn fit(seed: Local, neighbors: &[Local], radius: f64, kind: PatchKind) -> Option<Self> {
+        Self::fit_weighted(seed, neighbors, &[], radius, kind)
+    }
+
+    /// Fits a patch as [`fit`](Self::fit) does, to `neighbors` of which each has one of the
+    /// `weights` beside that by its distance; without any weights all weigh the same.
+    pub(crate) fn fit_weighted(
+        seed: Local,
+        neighbors: &[Local],
+        weights: &[f64],
+        radius: f64,
+        kind: PatchKind,
+    ) -> Option<Self> {
         // Unknowns are scaled by `radius` throughout, so that everything has like
         // magnitude, and the pivot test below has no unit.
-        let near = Lanes::new(seed, neighbors, radius);
+        let near = Lanes::new(seed, neighbors, weights, radius);
 
         // The best fitting plane: weighted mean and covariance.
         let mut sums = [[0.0; LANES]; 12];
-        for [x, y, z] in near.clone() {
+        for [x, y, z, own] in near.clone() {
             for k in 0..LANES {
                 let (x, y, z) = (x[k], y[k], z[k]);
-                let w = weight(x, y, z);
+                let w = own[k] * weight(x, y, z);
                 let (wx, wy, wz) = (w * x, w * y, w * z);
                 let is_near = f64::from(u8::from(w > 0.0));
                 let terms = [

@@ -18,7 +18,7 @@ type Linear = [f32; 4];
 
 /// The derivatives of the centroid of a cell by the positions of its site and of the neighbours
 /// with which it shares edges.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Response {
     own: Linear,
     neighbors: [Linear; MOST_EDGES],

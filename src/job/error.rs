@@ -38,6 +38,9 @@ pub enum JobError {
         /// The error of the system.
         source: std::io::Error,
     },
+    /// Memory or disk are too little for the job; the message says what it needs.
+    #[error("{0}")]
+    Resources(String),
     /// The job cannot be done as requested; the message says what to change.
     #[error("{0}")]
     Refused(String),
@@ -47,9 +50,9 @@ pub enum JobError {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LeftOut {
     /// The path of the file.
-    pub(crate) path: String,
+    pub path: String,
     /// The reason, as a predicate: the file …
-    pub(crate) reason: String,
+    pub reason: String,
 }
 
 fn files(count: usize) -> String {

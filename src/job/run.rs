@@ -17,6 +17,8 @@ use super::{
 };
 use crate::las::CompleteCloud;
 
+/// Approximate share of the first of two rounds in the time of solving.
+const SHARE_OF_FIRST_ROUND: f64 = 0.55;
 /// Expected seconds of the stages after the tiles are solved, per million points of the output.
 const STITCH_SECONDS_PER_MILLION: f64 = 0.2;
 const WRITE_SECONDS_PER_MILLION: f64 = 0.5;
@@ -108,14 +110,19 @@ impl JobDescription {
     }
 
     /// The stages from the solving of tiles on, with the expected seconds of each.
-    fn seconds_ahead(&self, plan: &JobPlan) -> [(&'static str, f64); 4] {
+    fn seconds_ahead(&self, plan: &JobPlan) -> [(&'static str, f64); 5] {
         let million = 1e-6 * plan.points_out as f64;
         let sort = match self.is_sorted() {
             true => SORT_SECONDS_PER_MILLION,
             false => 0.0,
         };
+        let to_start = match plan.has_two_rounds {
+            true => SHARE_OF_FIRST_ROUND * plan.seconds_to_solve,
+            false => 0.0,
+        };
         [
-            ("solve", plan.seconds_to_solve),
+            ("start", to_start),
+            ("solve", plan.seconds_to_solve - to_start),
             ("stitch", STITCH_SECONDS_PER_MILLION * million),
             ("write", WRITE_SECONDS_PER_MILLION * million),
             ("sort", VIEW_SECONDS + sort * million),

@@ -7,9 +7,9 @@ use std::{fmt::Display, path::Path};
 #[error("{path}: {problem}")]
 pub struct LasError {
     /// The path of the file.
-    pub(crate) path: String,
+    pub path: String,
     /// What is wrong with the file, with the numbers, and what to do.
-    pub(crate) problem: String,
+    pub problem: String,
 }
 
 impl LasError {

@@ -17,13 +17,18 @@
 //! tiles compute the same bits wherever both have enough of the scan.
 
 mod acceleration;
+mod blocks;
+mod course;
 mod options;
 mod region;
+mod resumed_sites;
 mod rings;
+mod round;
 mod scan;
 mod seeds;
 mod settings;
 mod site;
+mod site_state;
 mod sites;
 mod solver;
 mod step;
@@ -33,6 +38,7 @@ mod tally;
 pub use acceleration::Acceleration;
 pub use options::SolverOptions;
 pub use region::TileRegion;
+pub(crate) use resumed_sites::ResumedSites;
 pub(crate) use rings::Rings;
 pub use scan::Scan;
 pub(crate) use scan::{PointSum, ThinnedPoints, Thinning};
@@ -40,7 +46,11 @@ pub(crate) use seeds::elected_in;
 pub use seeds::{AREA_PER_SEED, SeedRule, elect};
 pub(crate) use settings::SolverSettings;
 pub use site::Site;
+pub(crate) use site_state::SiteState;
+pub(crate) use solver::{
+    FirstRound, describe_points, solve_first_round, solve_last_round, solve_watched,
+    solve_with_rings,
+};
 pub use solver::{Solution, describe_positions, solve};
-pub(crate) use solver::{describe_points, solve_watched, solve_with_rings};
 pub use step::Restriction;
 pub use tally::uniformity;

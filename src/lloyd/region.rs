@@ -10,7 +10,7 @@
 //!   └───────────────────────┘   are left can carry its influence there: the dependency cone.
 //! ```
 
-use super::SolverOptions;
+use super::{options::SolverOptions, round::Round};
 use crate::geometry::{Local, Quantization, Rect, Stored};
 
 /// The part of the plane that is available, and the part in which sites are wanted.
@@ -54,50 +54,54 @@ impl TileRegion {
 /// iteration.
 pub(super) struct DependencyCone<'a> {
     region: &'a TileRegion,
-    iterations: u32,
+    /// The first iteration of the next round.
+    end: u32,
     /// Bound on how far influence travels in one iteration (stored units).
     reach: f64,
-    /// Depth inside the available rectangle from which on seeds are right (stored units).
-    seed_margin: i64,
+    /// Depth inside the available rectangle from which on sites and samples are right as the
+    /// round begins (stored units).
+    margin: i64,
 }
 
 impl<'a> DependencyCone<'a> {
     pub(super) fn new(
         region: &'a TileRegion,
+        round: &Round,
         options: &SolverOptions,
         quantization: &Quantization,
     ) -> Self {
         Self {
             region,
-            iterations: options.iterations,
+            end: round.iterations.end,
             reach: CONE_SAFETY * options.reach_of_an_iteration() / quantization.scale,
-            seed_margin: quantization.units(options.seed_margin()),
+            margin: quantization.units(round.margin),
         }
     }
 
-    /// Whether the site of `identity` can influence a wanted site from `iteration` on.
+    /// Whether the site of `identity` can influence a wanted site from `iteration` of the round
+    /// on.
     pub(super) fn matters(&self, identity: Stored, iteration: u32) -> bool {
-        let rings = f64::from(self.iterations - iteration + 2);
+        let rings = f64::from(self.end - iteration + 2);
         let away = -self.region.core.depth(identity) - self.region.band;
         away as f64 <= rings * self.reach
     }
 
-    /// Whether all seeds within `radius` (CRS units) of `position` are those that every tile
-    /// elects.
-    pub(super) fn has_right_seeds(
+    /// Whether all sites within `radius` (CRS units) of `position` are those with which every
+    /// tile began the round.
+    pub(super) fn has_right_sites(
         &self,
         position: Local,
         radius: f64,
         quantization: &Quantization,
     ) -> bool {
         quantization.stored(position).is_some_and(|stored| {
-            let margin = self.seed_margin + quantization.units(radius);
+            let margin = self.margin + quantization.units(radius);
             self.region.available.depth(stored) >= margin
         })
     }
 
     /// Whether every tile elects the seed `identity`.
     pub(super) fn is_right_seed(&self, identity: Stored) -> bool {
-        self.region.available.depth(identity) >= self.seed_margin
+        self.region.available.depth(identity) >= self.margin
     }
 }

@@ -3,17 +3,18 @@
 use rayon::prelude::*;
 
 use super::{
+    acceleration::Memory,
+    blocks::in_blocks,
     region::{DependencyCone, TileRegion},
+    resumed_sites::ResumedSites,
     rings::{Edges, GAP, Rings},
     site::{FARTHEST_NEIGHBOR_IN_SPACINGS, Site},
-    step::{
-        BLOCK_EDGE_IN_SPACINGS, BLOCKS_PER_TASK, Iteration, Neighborhoods, Scratch, Step, Vicinity,
-        clearance,
-    },
+    site_state::SiteState,
+    step::{BLOCKS_PER_TASK, Iteration, Neighborhoods, Scratch, Step, Vicinity, clearance},
     surface::Surface,
 };
 use crate::{
-    geometry::{Cell, ITEMS_PER_TASK, Local, Moments, OccupiedCells, Stored, cell_of},
+    geometry::{Cell, ITEMS_PER_TASK, Local, Moments, Stored},
     quality::DistanceSums,
 };
 
@@ -36,16 +37,70 @@ impl<'a> Sites<'a> {
         positions: &[Local],
     ) -> Self {
         let spacing = surface.spacing();
-        let edge = BLOCK_EDGE_IN_SPACINGS * spacing;
-        let (blocks, order) = OccupiedCells::sort(positions, |&p| cell_of(p, edge));
+        let (blocks, order) = in_blocks(positions, spacing);
         let positions: Vec<Local> = order.iter().map(|&i| positions[i as usize]).collect();
         Self {
             surface,
             region,
             identities: order.iter().map(|&i| identities[i as usize]).collect(),
             steps: positions.par_iter().map(|&p| Step::new(p)).collect(),
-            neighborhoods: Neighborhoods::new(positions, blocks.ranges().collect(), spacing),
+            neighborhoods: Neighborhoods::new(positions, blocks, spacing),
         }
+    }
+
+    /// Sites that continue as they were `resumed`, and what over-relaxation remembers of them.
+    pub(super) fn resume(
+        surface: Surface<'a>,
+        region: &'a TileRegion,
+        resumed: ResumedSites,
+    ) -> (Self, Vec<Option<Memory>>) {
+        let ResumedSites {
+            blocks,
+            identities,
+            positions,
+            steps,
+            moves,
+            memories,
+            ..
+        } = resumed;
+        let neighborhoods = Neighborhoods::new(positions, blocks, surface.spacing());
+        let sites = Self {
+            surface,
+            region,
+            identities,
+            steps,
+            neighborhoods: neighborhoods.after(moves),
+        };
+        (sites, memories)
+    }
+
+    /// The states of the wanted sites; `memories` are those of over-relaxation for all sites.
+    pub(super) fn into_states(self, memories: Option<Vec<Memory>>) -> Vec<SiteState> {
+        let Self {
+            region,
+            identities,
+            neighborhoods,
+            steps,
+            ..
+        } = self;
+        let wanted = steps
+            .into_iter()
+            .enumerate()
+            .filter(|&(site, _)| region.wants(identities[site]));
+        wanted
+            .map(|(site, step)| SiteState {
+                identity: identities[site],
+                position: neighborhoods.positions()[site],
+                last_move: neighborhoods.last_move(site),
+                links: step
+                    .links
+                    .sites()
+                    .map(|link| identities[link as usize])
+                    .collect(),
+                memory: memories.as_ref().map(|memories| memories[site]),
+                step: step.kept(),
+            })
+            .collect()
     }
 
     /// Marks the sites whose seeds every tile elects as exact.
@@ -58,19 +113,19 @@ impl<'a> Sites<'a> {
     /// Computes the first Lloyd step of all sites, and gives the wanted sites with the figures
     /// of their cells before it, as [`describe`](Self::describe) does.
     pub(super) fn first_step(&mut self, cone: &DependencyCone<'_>) -> Vec<Site> {
-        let (surface, region) = (self.surface, self.region);
+        let surface = self.surface;
         let was_exact = self.are_exact();
         let iteration = Iteration {
             surface,
             cone,
             was_exact: &was_exact,
         };
-        let sites = self.of_all(|step, identity, mut vicinity| {
+        let sites = self.of_wanted(|step, identity, wanted, mut vicinity| {
             let moments = step.clip(surface, &mut vicinity);
-            let wanted = region.wants(identity);
-            let site = wanted.then(|| site(identity, step, moments, &mut vicinity));
+            if let Some(wanted) = wanted {
+                *wanted = Some(site(identity, step, moments, &mut vicinity));
+            }
             step.step_to_centroid(moments, iteration, vicinity);
-            site
         });
         by_identity(sites, |site| site.identity)
     }
@@ -92,19 +147,20 @@ impl<'a> Sites<'a> {
             cone,
             was_exact: &was_exact,
         };
-        let mut nearest = vec![None; self.steps.len()];
+        let in_core = |identity: &&Stored| region.core.contains(**identity);
+        let mut nearest = vec![None; identities.iter().filter(in_core).count()];
         by_block(
             &mut self.steps,
             &mut nearest,
+            |site| region.core.contains(identities[site]),
             &self.neighborhoods,
             surface,
             |step, nearest, vicinity| {
-                let site = vicinity.site;
-                if matters(site) {
+                if matters(vicinity.site) {
                     step.advance(iteration, vicinity);
-                    *nearest = step
-                        .nearest
-                        .filter(|_| region.core.contains(identities[site]));
+                    if let Some(nearest) = nearest {
+                        *nearest = step.nearest;
+                    }
                 }
             },
         );
@@ -139,12 +195,12 @@ impl<'a> Sites<'a> {
 
     /// The wanted sites with the figures of their cells, in the order of their identities.
     pub(super) fn describe(&mut self) -> Vec<Site> {
-        let (surface, region) = (self.surface, self.region);
-        let sites = self.of_all(|step, identity, mut vicinity| {
-            region.wants(identity).then(|| {
+        let surface = self.surface;
+        let sites = self.of_wanted(|step, identity, wanted, mut vicinity| {
+            if let Some(wanted) = wanted {
                 let moments = step.clip(surface, &mut vicinity);
-                site(identity, step, moments, &mut vicinity)
-            })
+                *wanted = Some(site(identity, step, moments, &mut vicinity));
+            }
         });
         by_identity(sites, |site| site.identity)
     }
@@ -152,37 +208,44 @@ impl<'a> Sites<'a> {
     /// The wanted sites as [`describe`](Self::describe) gives them, and the rings of their
     /// neighbours.
     pub(super) fn describe_with_rings(&mut self) -> (Vec<Site>, Rings) {
-        let (surface, region, count) = (self.surface, self.region, self.steps.len());
-        let found = self.of_all(|step, identity, mut vicinity| {
-            region.wants(identity).then(|| {
+        let (surface, count) = (self.surface, self.steps.len());
+        let found = self.of_wanted(|step, identity, wanted, mut vicinity| {
+            if let Some(wanted) = wanted {
                 let moments = step.clip(surface, &mut vicinity);
                 let site = site(identity, step, moments, &mut vicinity);
-                (site, edges(step, moments, &vicinity))
-            })
+                *wanted = Some((site, edges(step, moments, &vicinity)));
+            }
         });
         let found = by_identity(found, |(site, _)| site.identity);
         let (sites, edges): (Vec<Site>, Vec<Edges>) = found.into_iter().unzip();
         (sites, Rings::new(&edges, count))
     }
 
-    /// The results of `work` for the sites, in the order of the blocks; far neighbours may
-    /// close their cells.
-    fn of_all<T: Clone + Send>(
+    /// Does `work` on all sites; far neighbours may close their cells. Gives what it finds for the
+    /// wanted ones, in the order of the blocks: for each of them it receives a place to put it in.
+    fn of_wanted<T: Clone + Send>(
         &mut self,
-        work: impl Fn(&mut Step, Stored, Vicinity<'_>) -> Option<T> + Sync,
+        work: impl Fn(&mut Step, Stored, Option<&mut Option<T>>, Vicinity<'_>) + Sync,
     ) -> Vec<T> {
-        let mut found = vec![None; self.steps.len()];
+        let (identities, region) = (&self.identities, self.region);
+        let is_wanted = |site: usize| region.wants(identities[site]);
+        let count = (0..identities.len())
+            .filter(|&site| is_wanted(site))
+            .count();
+        let mut found = vec![None; count];
         by_block(
             &mut self.steps,
             &mut found,
+            is_wanted,
             &self.neighborhoods,
             self.surface,
             |step, found, mut vicinity| {
                 vicinity.may_close_far = true;
-                *found = work(step, self.identities[vicinity.site], vicinity);
+                work(step, identities[vicinity.site], found, vicinity);
             },
         );
-        found.into_par_iter().flatten().collect()
+        // In place: all sites together take a good part of the memory.
+        found.into_iter().flatten().collect()
     }
 
     /// Whether each site is exact.
@@ -242,20 +305,23 @@ fn edges(step: &Step, moments: Option<Moments>, vicinity: &Vicinity<'_>) -> Edge
     }
 }
 
-/// Calls `work` for every site and its entry of `results`, in parallel by blocks.
+/// Calls `work` for every site, in parallel by blocks. A site that `has_result` receives its entry of
+/// `results`, which has one for each of those, in their order.
 fn by_block<T: Send>(
     steps: &mut [Step],
     results: &mut [T],
+    has_result: impl Fn(usize) -> bool + Sync,
     neighborhoods: &Neighborhoods,
     surface: Surface<'_>,
-    work: impl Fn(&mut Step, &mut T, Vicinity<'_>) + Sync,
+    work: impl Fn(&mut Step, Option<&mut T>, Vicinity<'_>) + Sync,
 ) {
     let clearance = clearance(surface.options);
     let mut rest = (steps, results);
     let mut blocks = Vec::with_capacity(neighborhoods.blocks().len());
     for block in neighborhoods.blocks() {
+        let count = block.clone().filter(|&site| has_result(site)).count();
         let (steps, other_steps) = rest.0.split_at_mut(block.len());
-        let (results, other_results) = rest.1.split_at_mut(block.len());
+        let (results, other_results) = rest.1.split_at_mut(count);
         blocks.push((block, steps, results));
         rest = (other_steps, other_results);
     }
@@ -264,7 +330,8 @@ fn by_block<T: Send>(
         .with_max_len(BLOCKS_PER_TASK)
         .for_each_init(Scratch::new, |scratch, (block, steps, results)| {
             scratch.begin(neighborhoods, block);
-            for (site, (step, result)) in block.clone().zip(steps.iter_mut().zip(results)) {
+            let mut results = results.iter_mut();
+            for (site, step) in block.clone().zip(steps) {
                 // The neighbours of the last site are not those of this one.
                 scratch.neighbors.clear();
                 let vicinity = Vicinity {
@@ -279,6 +346,7 @@ fn by_block<T: Send>(
                     may_close_far: false,
                     scratch,
                 };
+                let result = has_result(site).then(|| results.next()).flatten();
                 work(step, result, vicinity);
             }
         });

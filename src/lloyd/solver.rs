@@ -3,13 +3,14 @@
 use std::ops::ControlFlow;
 
 use super::{
-    acceleration::{Accelerator, Iterate},
+    course::{Cancelled, Course, Monitor, nearest_distances},
     options::SolverOptions,
-    region::{DependencyCone, TileRegion},
+    region::TileRegion,
+    resumed_sites::ResumedSites,
     rings::Rings,
     scan::Scan,
-    seeds::elect,
     site::Site,
+    site_state::SiteState,
     sites::Sites,
     surface::Surface,
 };
@@ -31,20 +32,16 @@ pub struct Solution {
     pub convergence: Vec<DistanceSums>,
 }
 
-/// Receives the share of the work that is done, between 0 and 1, from time to time, and says
-/// whether the solver goes on.
-pub(crate) type Monitor<'a> = &'a dyn Fn(f64) -> ControlFlow<()>;
-
-/// The solver was stopped by its [`Monitor`] before it had a result.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Cancelled;
-
-/// Approximate share of the time of a solve that has passed when the seeds are elected.
-const ELECTED_SHARE: f64 = 0.36;
-
-/// Approximate share of the time of a solve that has passed when the seeds are elected and
-/// described.
-const DESCRIBED_SHARE: f64 = 0.48;
+/// What the first of two rounds leaves of a tile.
+pub(crate) struct FirstRound {
+    /// The states of the sites of the core.
+    pub(crate) states: Vec<SiteState>,
+    /// The sites of the core before the first iteration, in the order of their identities.
+    pub(crate) seeds: Vec<Site>,
+    /// The distances from the core's sites to their nearest neighbours, at the start of every
+    /// iteration of the round.
+    pub(crate) convergence: Vec<DistanceSums>,
+}
 
 /// Runs the paper's Algorithm 1 on `scan`, for the sites of `region`.
 ///
@@ -91,6 +88,51 @@ pub(crate) fn solve_with_rings(
     })
 }
 
+/// Does the first of two rounds on `scan`, for the sites of the core of `region`. `monitor` is
+/// consulted before and after the election of the seeds and before every iteration.
+///
+/// # Errors
+///
+/// [`Cancelled`] if `monitor` stops the solver.
+pub(crate) fn solve_first_round(
+    scan: &Scan,
+    region: &TileRegion,
+    options: &SolverOptions,
+    monitor: Monitor<'_>,
+) -> Result<FirstRound, Cancelled> {
+    // Bands are compared at the end.
+    let region = TileRegion { band: 0, ..*region };
+    let [round, _] = options.two_rounds();
+    let mut course = Course::begin(Surface::new(scan, options), &region, round, monitor)?;
+    course.iterate(monitor)?;
+    Ok(FirstRound {
+        seeds: std::mem::take(&mut course.seeds),
+        convergence: std::mem::take(&mut course.convergence),
+        states: course.into_states(),
+    })
+}
+
+/// Does the last of two rounds on `scan`, for the sites of `region`, with all sites that are known
+/// there, `resumed` as the first round left them. The seeds and the convergence of the first round are
+/// missing from the solution. `monitor` is consulted before every iteration.
+///
+/// # Errors
+///
+/// [`Cancelled`] if `monitor` stops the solver.
+pub(crate) fn solve_last_round(
+    scan: &Scan,
+    region: &TileRegion,
+    options: &SolverOptions,
+    resumed: ResumedSites,
+    monitor: Monitor<'_>,
+) -> Result<Solution, Cancelled> {
+    let [_, round] = options.two_rounds();
+    let mut course = Course::resume(Surface::new(scan, options), region, round, resumed);
+    course.iterate(monitor)?;
+    let ended = course.sites.describe();
+    Ok(solution(course, region, ended))
+}
+
 /// Runs Algorithm 1. `describe` gives the sites after the last iteration, and what the caller
 /// wants beside them.
 fn run<T>(
@@ -99,66 +141,26 @@ fn run<T>(
     monitor: Monitor<'_>,
     describe: impl FnOnce(&mut Sites<'_>) -> (Vec<Site>, T),
 ) -> Result<(Solution, T), Cancelled> {
-    let (options, quantization) = (surface.options, surface.quantization());
-    let consult = |share: f64| match monitor(share) {
-        ControlFlow::Continue(()) => Ok(()),
-        ControlFlow::Break(()) => Err(Cancelled),
-    };
+    let round = surface.options.only_round();
+    let mut course = Course::begin(surface, region, round, monitor)?;
+    course.iterate(monitor)?;
+    let (ended, beside) = describe(&mut course.sites);
+    Ok((solution(course, region, ended), beside))
+}
 
-    // Seeds are elected in the whole scan; those that can influence no wanted site are dropped.
-    consult(0.0)?;
-    let all = elect(surface.scan, options);
-    consult(ELECTED_SHARE)?;
-    let cone = DependencyCone::new(region, options, quantization);
-    let (identities, positions): (Vec<Stored>, Vec<Local>) = all
-        .identities
-        .into_iter()
-        .zip(all.positions)
-        .filter(|&(identity, _)| cone.matters(identity, 0))
-        .unzip();
-
-    // The first Lloyd step shares its cells with the figures of the seeds.
-    let mut sites = Sites::new(surface, region, &identities, &positions);
-    sites.mark_exact_seeds(&cone);
-    let seeds = sites.first_step(&cone);
-
-    let mut accelerator = Accelerator::new(
-        options.acceleration,
-        &sites.identities,
-        quantization.scale,
-        options.spacing,
-    );
-    let mut convergence = Vec::new();
-    for iteration in 0..options.iterations {
-        // The first ones take longer: more sites move, and more patches are fitted.
-        let share = (f64::from(iteration) / f64::from(options.iterations)).powf(0.85);
-        consult(DESCRIBED_SHARE + (1.0 - DESCRIBED_SHARE) * share)?;
-        convergence.push(match iteration {
-            0 => nearest_distances(region, &seeds),
-            _ => sites.lloyd_step(&cone, iteration),
-        });
-        let next = accelerator.next(&Iterate {
-            sites: sites.neighborhoods.positions(),
-            steps: &sites.steps,
-            spacing: options.spacing,
-        });
-        sites.move_to(next);
-    }
-
-    let (ended, beside) = describe(&mut sites);
+/// The solution of a course with the sites as they `ended`.
+fn solution(course: Course<'_>, region: &TileRegion, ended: Vec<Site>) -> Solution {
+    let Course {
+        seeds,
+        mut convergence,
+        ..
+    } = course;
     convergence.push(nearest_distances(region, &ended));
-    let solution = Solution {
+    Solution {
         sites: ended,
         seeds,
         convergence,
-    };
-    Ok((solution, beside))
-}
-
-/// The distances from the core's `sites` to their nearest neighbours.
-fn nearest_distances(region: &TileRegion, sites: &[Site]) -> DistanceSums {
-    let counts = |site: &&Site| site.nearest.is_finite() && region.core.contains(site.identity);
-    DistanceSums::of(sites.iter().filter(counts).map(|site| site.nearest))
+    }
 }
 
 /// The points of `scan` themselves as sites, with the cells they have on patches through

@@ -21,7 +21,7 @@ const POINTS_FOR_COUNT: u64 = 30_000_000;
 const POINTS_FOR_ESTIMATE: u64 = 3_000_000;
 /// Parts in which seeds are elected to estimate what a spacing gives.
 const ESTIMATE_SAMPLE: SampleSize = SampleSize {
-    parts: 12.0,
+    parts: 8.0,
     share: 0.04,
 };
 /// Parts in which seeds are elected to meet a count. Of four counts on three scans the spacing came out

@@ -9,7 +9,7 @@ const STEMS: [&str; 11] = [
 ];
 
 /// Endings of the names of a job's files.
-const ENDINGS: [&str; 10] = [
+const ENDINGS: [&str; 11] = [
     "",
     "json",
     "part",
@@ -18,6 +18,7 @@ const ENDINGS: [&str; 10] = [
     "checkpoint",
     "complete",
     "left",
+    "started",
     "solved",
     "settled",
 ];

@@ -6,6 +6,7 @@
 //!   json_files    small files, written completely or not at all
 //!   stamp         length and time of a file, by which changes are noticed
 //!   input_stamps  the stamps of all inputs when the job began
+//!   started_tiles the tiles between two rounds
 //!   solved_tiles  the results of the tiles
 //!   room          the space that the disks must have
 //!   scratch       temporary files of the last stage, on another disk
@@ -19,6 +20,7 @@ mod room;
 mod scratch;
 mod solved_tiles;
 mod stamp;
+mod started_tiles;
 
 pub(crate) use file_names::bytes_in;
 pub(crate) use input_stamps::InputStamps;
@@ -28,3 +30,4 @@ pub(crate) use room::{DiskNeed, check_room, directory_of};
 pub(crate) use scratch::Scratch;
 pub(crate) use solved_tiles::SolvedTiles;
 pub(crate) use stamp::Stamp;
+pub(crate) use started_tiles::{StartedTile, StartedTiles};

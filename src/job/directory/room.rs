@@ -18,7 +18,7 @@ pub(crate) struct DiskNeed<'a> {
 ///
 /// # Errors
 ///
-/// [`JobError::Refused`] with the bytes that a file system has free and the bytes that are needed.
+/// [`JobError::Resources`] with the bytes that a file system has free and the bytes that are needed.
 pub(crate) fn check_room(needs: &[DiskNeed<'_>]) -> Result<(), JobError> {
     let mut unchecked: Vec<&DiskNeed<'_>> = needs.iter().collect();
     while let Some(first) = unchecked.first() {
@@ -48,7 +48,7 @@ fn no_room(needs: &[&DiskNeed<'_>], needed: u64, free: u64) -> JobError {
             format!("{} in {dir}: {bytes}", need.what)
         })
         .collect();
-    JobError::Refused(format!(
+    JobError::Resources(format!(
         "the disk has {} free, and the job needs about {} ({}); free some space, or put temporary \
          files on another disk with --job",
         mebibytes(free),

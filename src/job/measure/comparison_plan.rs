@@ -29,14 +29,14 @@ impl ComparisonPlan {
     ///
     /// # Errors
     ///
-    /// [`JobError::Refused`] if the cloud does not fit.
+    /// [`JobError::Resources`] if the cloud does not fit.
     pub(super) fn new(cloud_points: u64, budget: &Budget) -> Result<Self, JobError> {
         let cloud = cloud_points.saturating_mul(BYTES_PER_CLOUD_POINT);
         let thread = BYTES_PER_DECODER + LEAST_BATCH_POINTS * BYTES_PER_BATCH_POINT;
         let free = budget.usable().saturating_sub(cloud);
         let threads = (free / thread).min(budget.threads as u64);
         if threads == 0 {
-            return Err(JobError::Refused(format!(
+            return Err(JobError::Resources(format!(
                 "--memory {} is too little to compare {cloud_points} points with scans: they stay in memory while \
                  the scans pass by; give at least {}, or measure the cloud without --against",
                 mebibytes(budget.total),

@@ -3,7 +3,7 @@
 
 use std::{
     path::{Path, PathBuf},
-    sync::atomic::AtomicBool,
+    sync::atomic::{AtomicBool, AtomicU64, Ordering},
 };
 
 use serde::Serialize;
@@ -66,8 +66,14 @@ pub(crate) fn measure(
     memory: Option<u64>,
     threads: usize,
 ) -> Result<Measured, JobError> {
+    // Several threads of a process may measure at once.
+    static MEASUREMENTS: AtomicU64 = AtomicU64::new(0);
     let (cloud, scans) = (survey(files)?, survey(against)?);
-    let dir = temporary.join(format!("lloydar-measure-{}", std::process::id()));
+    let (process, number) = (
+        std::process::id(),
+        MEASUREMENTS.fetch_add(1, Ordering::Relaxed),
+    );
+    let dir = temporary.join(format!("lloydar-measure-{process}-{number}"));
     std::fs::create_dir_all(&dir).map_err(|e| JobError::io("make", &dir, e))?;
     let measured = measure_in(&cloud, &scans, &dir, &Budget::new(memory, threads));
     // The files are removed whatever happened.

@@ -19,7 +19,7 @@ const BYTES_PER_MEASURED_POINT: f64 = 1200.0;
 ///
 /// # Errors
 ///
-/// [`JobError::Refused`] if the points of one counting square and its halo do not fit.
+/// [`JobError::Resources`] if the points of one counting square and its halo do not fit.
 pub(super) fn parts(spill: &Spill, budget: &Budget, halo: i64) -> Result<Plan, JobError> {
     let options = PlanOptions {
         halo,
@@ -30,7 +30,7 @@ pub(super) fn parts(spill: &Spill, budget: &Budget, halo: i64) -> Result<Plan, J
     let plan = Plan::by_points(spill.squares(), spill.grid().square(), &options);
     let needed = budget.needed(plan.most_cost() as f64 * BYTES_PER_MEASURED_POINT);
     if needed > budget.total {
-        return Err(JobError::Refused(format!(
+        return Err(JobError::Resources(format!(
             "--memory {} is too little: the densest place contains {} points; give at least {}",
             mebibytes(budget.total),
             plan.most_cost(),

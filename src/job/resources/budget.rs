@@ -14,16 +14,17 @@ const BYTES_PER_DECODER: u64 = 16 << 20;
 const BYTES_PER_POINT_READ: f64 = 32.0;
 /// Bytes per point of a tile that is being solved.
 const BYTES_PER_POINT_SOLVED: f64 = 9.0;
-/// Bytes per voxel of a tile's scan: sample, table, order. A tile is solved while the next one is
-/// read, and both have voxels.
-const BYTES_PER_VOXEL: f64 = 2.0 * 50.0;
+/// Bytes per voxel of a tile's scan: sample, table, order.
+const BYTES_PER_VOXEL: f64 = 50.0;
 /// Approximate number of voxels per seed: six on a plane that is parallel to the lattice, nine on
 /// one that crosses it.
 const VOXELS_PER_SEED: f64 = 9.0;
 /// Positions that the filling adds per seed where the scan is coarser than the output.
 const FILLED_POSITIONS_PER_SEED: f64 = 4.0;
 /// Bytes per seed of a tile: states, steps, responses to moves, histories.
-const BYTES_PER_SEED: f64 = 1050.0;
+const BYTES_PER_SEED: f64 = 950.0;
+/// Share of the cost of a tile that its points and voxels take before it is solved, at most.
+const WAITING_SHARE: f64 = 0.5;
 /// Share of the budget that a tile may use, because the allocator does not return all memory at
 /// once. Of the costs above tiles that just fitted took 65 to 110 %, on two real scans and five
 /// simulated clouds with a place a thousand times denser than the rest.
@@ -91,6 +92,22 @@ impl Budget {
         self.usable().min(LARGEST_TILE_BYTES)
     }
 
+    /// Whether a tile that costs `next` may be read while one that costs `current` is solved.
+    pub(crate) fn has_room_for_next(&self, current: u64, next: u64) -> bool {
+        current + waiting(next) <= self.usable()
+    }
+
+    /// The largest sum of the costs of tiles that are in memory together, if tiles of `costs` are
+    /// solved in this order.
+    pub(crate) fn most_held(&self, costs: &[u64]) -> u64 {
+        let together = |pair: &[u64]| match self.has_room_for_next(pair[0], pair[1]) {
+            true => pair[0] + waiting(pair[1]),
+            false => 0,
+        };
+        let pairs = costs.windows(2).map(together);
+        pairs.chain(costs.iter().copied()).max().unwrap_or(0)
+    }
+
     /// Number of points that fit at `bytes` each.
     pub(crate) fn points(&self, bytes: f64) -> u64 {
         (self.tile() as f64 / bytes) as u64
@@ -107,18 +124,24 @@ impl Budget {
     }
 }
 
-/// The cost in bytes of a tile with `points` in at most `voxels`, and `seeds`.
+/// The cost in bytes of a tile with `points` in at most `voxels`, and `seeds`: what it takes while
+/// it is read or while it is solved, whichever is more.
 pub(crate) fn tile_bytes(points: f64, voxels: f64, seeds: f64) -> f64 {
     // Each filled position occupies a voxel of its own.
     let voxels = (seeds * VOXELS_PER_SEED).min(voxels + seeds * FILLED_POSITIONS_PER_SEED);
-    (BYTES_PER_POINT_READ + BYTES_PER_POINT_SOLVED) * points
-        + BYTES_PER_VOXEL * voxels
-        + BYTES_PER_SEED * seeds
+    let read = BYTES_PER_POINT_READ * points;
+    let solved = BYTES_PER_POINT_SOLVED * points + BYTES_PER_SEED * seeds;
+    BYTES_PER_VOXEL * voxels + read.max(solved)
 }
 
 /// The largest number of points of a tile that costs `bytes`.
 pub(crate) fn points_for(bytes: u64) -> u64 {
-    (bytes as f64 / (BYTES_PER_POINT_READ + BYTES_PER_POINT_SOLVED)) as u64
+    (bytes as f64 / BYTES_PER_POINT_READ) as u64
+}
+
+/// What a tile that costs `bytes` takes before it is solved, at most.
+fn waiting(bytes: u64) -> u64 {
+    (bytes as f64 * WAITING_SHARE) as u64
 }
 
 /// `bytes` in MiB, rounded up, for a message.
@@ -139,5 +162,17 @@ mod tests {
             assert!(budget.needed(bytes) <= total);
             assert!(budget.needed(1.01 * bytes) > total);
         }
+    }
+
+    #[test]
+    fn a_tile_is_read_before_the_last_one_is_solved_only_if_both_fit() {
+        let budget = Budget::new(Some(1 << 30), 2);
+        let [large, small] = [budget.usable() / 4 * 3, budget.usable() / 4];
+        assert!(!budget.has_room_for_next(large, large));
+        assert!(budget.has_room_for_next(large, small));
+        assert_eq!(budget.most_held(&[large, large, large]), large);
+        let held = budget.most_held(&[small, large, small]);
+        assert!(large < held && held <= budget.usable());
+        assert_eq!(budget.most_held(&[]), 0);
     }
 }

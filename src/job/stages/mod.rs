@@ -9,6 +9,7 @@
 mod cell_attributes;
 mod checksums;
 mod compatibility;
+mod cut_tiles;
 mod input_counts;
 mod input_parts;
 mod no_points;

@@ -2,7 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{scattered_cloud::ScatteredCloud, tile_costs::costed_squares, transfer::Transfer};
+use super::{
+    cut_tiles::{CutTiles, cut_tiles},
+    scatter::SpillReaders,
+    scattered_cloud::ScatteredCloud,
+    transfer::Transfer,
+};
 use crate::{
     config::Settings,
     geometry::Quantization,
@@ -13,7 +18,7 @@ use crate::{
         resources::{mebibytes, peak_resident},
     },
     lloyd::SolverOptions,
-    tiling::{Plan, PlanOptions, Tile},
+    tiling::Plan,
 };
 
 /// What a job will do, and what it will take.
@@ -27,6 +32,9 @@ pub(crate) struct JobPlan {
     pub(crate) points_out: u64,
     /// The tiles.
     pub(crate) plan: Plan,
+    /// Whether all tiles do a part of the iterations before any tile does the rest.
+    #[serde(default)]
+    pub(crate) has_two_rounds: bool,
     /// Width of the halo around the core of a tile (CRS units).
     pub(crate) halo: f64,
     /// Expected peak memory in bytes.
@@ -58,25 +66,28 @@ const SCATTER_SECONDS_PER_MILLION: f64 = 0.7;
 const STEP_SECONDS_PER_MILLION: f64 = 3.2;
 /// Bytes of a site in a band, and of its identity, beside its record.
 const SITE_BYTES: u64 = 48;
-/// Name of the file in the job directory that contains the tiles.
-const PLAN_FILE: &str = "plan.json";
+/// Bytes of the state of a site between two rounds.
+const STATE_BYTES: u64 = 700;
 
 /// Plans tiles for approximately `points_out` sites, and estimates what they will take.
 ///
 /// # Errors
 ///
-/// [`JobError::Refused`] if memory or a disk is too small.
+/// [`JobError::Resources`] if memory or a disk is too small.
 pub(super) fn plan_tiles(
     cloud: &ScatteredCloud<'_>,
     options: &SolverOptions,
     points_out: u64,
+    readers: SpillReaders,
 ) -> Result<JobPlan, JobError> {
     let ScatteredCloud { run, spill, .. } = *cloud;
-    let tiling = &run.job.settings.tiling;
-    let halo = tiling.halo.unwrap_or_else(|| options.halo());
 
     // Cut the plane, or keep the tiles of an earlier run.
-    let plan = tiles(cloud, options, points_out, halo)?;
+    let CutTiles {
+        plan,
+        has_two_rounds,
+    } = cut_tiles(cloud, options, points_out, readers)?;
+    let halo = plan.halo as f64 * cloud.quantization().scale;
 
     // Check that the results of the tiles have room on the disk. Each record is written as its tile
     // leaves it and again as it is settled, and once more if the output is sorted.
@@ -86,19 +97,26 @@ pub(super) fn plan_tiles(
         true => records,
         false => 0,
     };
-    let solved = 2 * records + sorted + SITE_BYTES * points_out;
+    let states = match has_two_rounds {
+        true => STATE_BYTES * points_out,
+        false => 0,
+    };
+    let solved = 2 * records + sorted + SITE_BYTES * points_out + states;
     check_disks(cloud, solved, records)?;
 
     // Estimate memory and time.
     // Before there are tiles, decoders and batches may have held more than a tile will.
     let held = peak_resident().unwrap_or(0);
-    let needed = held.max(cloud.budget().needed(plan.most_cost() as f64));
+    let costs: Vec<u64> = plan.tiles.iter().map(|tile| tile.cost).collect();
+    let budget = cloud.budget();
+    let needed = held.max(budget.needed(budget.most_held(&costs) as f64));
     run.progress.note(&format!(
-        "{}; memory up to {} of {}, temporary files up to {}",
+        "{}{}; memory up to {} of {}, temporary files up to {}",
         match plan.tiles.len() {
             1 => "1 tile".to_owned(),
             tiles => format!("{tiles} tiles"),
         },
+        if has_two_rounds { " in two rounds" } else { "" },
         mebibytes(needed),
         mebibytes(run.budget.total),
         mebibytes(spill.bytes() + solved)
@@ -115,51 +133,9 @@ pub(super) fn plan_tiles(
         seconds,
         seconds_to_solve,
         plan,
+        has_two_rounds,
         quantization: *cloud.quantization(),
     })
-}
-
-/// Cuts the plane into tiles, or reads the tiles of an earlier run. Tiles that were solved under
-/// another plan would not fit together, so the first plan of a job stays as long as it fits the
-/// budget of this run.
-fn tiles(
-    cloud: &ScatteredCloud<'_>,
-    options: &SolverOptions,
-    points_out: u64,
-    halo: f64,
-) -> Result<Plan, JobError> {
-    let (run, quantization) = (cloud.run, cloud.quantization());
-    let most_cost = cloud.budget().tile();
-    let found = cloud.directory.read::<Plan>(PLAN_FILE);
-    let is_new = found.is_none();
-    if let Some(found) = found.filter(|plan| plan.most_cost() <= most_cost) {
-        return Ok(found);
-    }
-    let tile_size = run.job.settings.tiling.tile_size;
-    let squares = costed_squares(cloud, options, points_out)?;
-    let square = cloud.spill.grid().square();
-    let plan_options = PlanOptions {
-        halo: quantization.units(halo),
-        margin: quantization.units(options.farthest_seed()),
-        tile_edge: tile_size.map(|edge| quantization.units(edge)),
-        most_cost,
-    };
-    let check = |costliest: Option<&Tile>| match costliest.filter(|tile| tile.cost > most_cost) {
-        Some(tile) => Err(too_little_memory(cloud, tile, halo)),
-        None => Ok(()),
-    };
-    if tile_size.is_none() {
-        check(Plan::costliest_place(&squares, square, &plan_options).as_ref())?;
-    }
-    let plan = Plan::make(&squares, square, &plan_options);
-    check(plan.tiles.iter().max_by_key(|tile| tile.cost))?;
-    if !is_new {
-        run.progress
-            .note("the tiles of an earlier run do not fit this one's memory: all are solved anew");
-    }
-    cloud.directory.forget_tiles();
-    cloud.directory.write(PLAN_FILE, &plan)?;
-    Ok(plan)
 }
 
 /// Expected seconds of the job, and of the solving of its tiles.
@@ -178,28 +154,6 @@ fn expected_seconds(
     let scattered = spill.points() as f64 * million;
     let seconds = scattered * SCATTER_SECONDS_PER_MILLION * (1.0 + overlap) + to_solve;
     (seconds, to_solve)
-}
-
-/// The error of a job whose memory is too little for `tile`.
-fn too_little_memory(cloud: &ScatteredCloud<'_>, tile: &Tile, halo: f64) -> JobError {
-    let budget = cloud.budget();
-    let (total, needed) = (budget.total, budget.needed(tile.cost as f64));
-    let points = tile.points_seen;
-    let tiling = &cloud.run.job.settings.tiling;
-    JobError::Refused(match tiling.tile_size {
-        Some(_) => format!(
-            "--tile-size makes a tile of {points} points, which takes about {}, and --memory is \
-             {}; give smaller tiles or more memory",
-            mebibytes(needed),
-            mebibytes(total)
-        ),
-        None => format!(
-            "--memory {} is too little: the densest place holds {points} points within a halo of \
-             {halo:.3}; give at least {}",
-            mebibytes(total),
-            mebibytes(needed)
-        ),
-    })
 }
 
 /// Checks that the disks have room for `solved` bytes of solved tiles, and for an output of at most

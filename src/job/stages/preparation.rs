@@ -101,7 +101,7 @@ pub(crate) fn join_scatter(run: &RunContext<'_>, worker: &Worker) -> Result<(), 
 fn survey_inputs(run: &RunContext<'_>) -> Result<(Survey, InputStamps), JobError> {
     let (job, budget) = (run.job, run.budget);
     if budget.total < budget.least() {
-        return Err(JobError::Refused(format!(
+        return Err(JobError::Resources(format!(
             "--memory {} is too little for any job; give at least {}",
             mebibytes(budget.total),
             mebibytes(budget.least())
@@ -159,7 +159,7 @@ fn scatter_and_plan(
         survey: &survey,
         spill: &spill,
     };
-    let plan = plan_tiles(&cloud, &options, points_out)?;
+    let plan = plan_tiles(&cloud, &options, points_out, readers)?;
     run.clock.end_stage("plan");
 
     // Check that the inputs are still those of the survey, and name them by their checksums.

@@ -10,10 +10,18 @@ use super::{
 };
 use crate::{
     config::Settings,
-    geometry::{ITEMS_PER_TASK, Local, NeighborGrid, Rect, Stored},
-    job::{error::JobError, resources::points_for, tile_figures::TileFigures},
+    geometry::{ITEMS_PER_TASK, Local, NeighborGrid, Quantization, Rect, Stored},
+    job::{
+        directory::{StartedTile, StartedTiles},
+        error::JobError,
+        resources::points_for,
+        tile_figures::TileFigures,
+    },
     las::RecordFormat,
-    lloyd::{Scan, Site, Solution, SolverOptions, TileRegion, solve_watched, uniformity},
+    lloyd::{
+        FirstRound, Scan, Site, SiteState, Solution, SolverOptions, ThinnedPoints, TileRegion,
+        solve_first_round, solve_last_round, solve_watched, uniformity,
+    },
     quality::{DistanceTally, UniformityTally},
     tile::{SolvedSite, SolvedTile, Spill, TileError},
     tiling::{CountedCloud, Tile},
@@ -69,19 +77,49 @@ impl TileSolver {
         }
     }
 
-    /// Reads the points of the core and the halo of `tile`.
+    /// Reads the points of the core and the halo of `tile`, for the first round.
     ///
     /// # Errors
     ///
     /// [`JobError::Tile`] if the spill cannot be read.
     pub(crate) fn load(&self, tile: Tile) -> Result<LoadedTile, JobError> {
+        self.load_with(tile, Scan::prepared)
+    }
+
+    /// Reads the points of the core and the halo of `tile`, for the round after that of `started`.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError::Tile`] if the spill or a started tile cannot be read.
+    pub(crate) fn load_again(
+        &self,
+        tile: Tile,
+        started: &StartedTiles,
+    ) -> Result<LoadedTile, JobError> {
+        let filling = started.filling_in(&self.known(&tile), &self.plan.plan.tiles)?;
+        self.load_with(tile, |points, quantization, options| {
+            Scan::filled_with(filling, points, quantization, options)
+        })
+    }
+
+    /// What `tile` knows: its core and its halo.
+    fn known(&self, tile: &Tile) -> Rect {
+        tile.core.grown(self.plan.plan.halo)
+    }
+
+    /// Reads the points of `tile`, of which `prepare` makes the scan.
+    fn load_with(
+        &self,
+        tile: Tile,
+        prepare: impl FnOnce(ThinnedPoints, Quantization, &SolverOptions) -> Scan,
+    ) -> Result<LoadedTile, JobError> {
         let (quantization, options) = (self.plan.quantization, &self.options);
-        let known = tile.core.grown(self.plan.plan.halo);
+        let known = self.known(&tile);
         let limit = points_for(tile.cost);
         let points = CountedCloud::gather(&self.spill, &known, &quantization, options, limit)?;
         let unsmoothed =
             (options.smooth > 0.0).then(|| Scan::thinned(points.clone(), quantization, options));
-        let scan = Scan::prepared(points, quantization, options);
+        let scan = prepare(points, quantization, options);
         Ok(LoadedTile {
             tile,
             known,
@@ -90,8 +128,36 @@ impl TileSolver {
         })
     }
 
-    /// Solves a tile. Returns its result, and its figures with a time of zero. `watch` receives the
-    /// share of the work that is done, and says whether it goes on.
+    /// Does the first of two rounds for a tile. Returns what it leaves, with a time of zero, and
+    /// the states of the sites of the core. `watch` receives the share of the work that is done,
+    /// and says whether it goes on.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError::Tile`] if `watch` stops the work.
+    pub(crate) fn start(
+        &self,
+        loaded: LoadedTile,
+        watch: &dyn Fn(f64) -> ControlFlow<()>,
+    ) -> Result<(StartedTile, Vec<SiteState>), JobError> {
+        let (region, scan) = (self.region(&loaded), loaded.scan);
+        let round = solve_first_round(&scan, &region, &self.options, watch);
+        let FirstRound {
+            states,
+            seeds,
+            convergence,
+        } = round.map_err(|_| TileError::Cancelled)?;
+        let filling = scan.filling().iter().copied();
+        let started = StartedTile::new(
+            uniformity(seeds.iter(), self.options.spacing),
+            convergence,
+            filling.filter(|&p| region.core.contains(p)).collect(),
+        );
+        Ok((started, states))
+    }
+
+    /// Solves a tile in one round. Returns its result, and its figures with a time of zero. `watch`
+    /// receives the share of the work that is done, and says whether it goes on.
     ///
     /// # Errors
     ///
@@ -101,6 +167,62 @@ impl TileSolver {
         loaded: LoadedTile,
         watch: &dyn Fn(f64) -> ControlFlow<()>,
     ) -> Result<(SolvedTile, TileFigures), JobError> {
+        let region = self.region(&loaded);
+        let solution = solve_watched(&loaded.scan, &region, &self.options, &|share| {
+            watch(SOLVER_SHARE * share)
+        });
+        let solution = solution.map_err(|_| TileError::Cancelled)?;
+        let in_core = |site: &&Site| loaded.tile.core.contains(site.identity);
+        let seeds = uniformity(solution.seeds.iter().filter(in_core), self.options.spacing);
+        self.complete(loaded, solution, seeds)
+    }
+
+    /// Solves a tile that has done the first round, with its neighbours, in `started`. Returns its
+    /// result and its figures. `watch` receives the share of the work that is done, and says
+    /// whether it goes on.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError::Tile`] if the spill or a started tile cannot be read, or if `watch` stops the
+    /// work.
+    pub(crate) fn finish(
+        &self,
+        loaded: LoadedTile,
+        started: &StartedTiles,
+        watch: &dyn Fn(f64) -> ControlFlow<()>,
+    ) -> Result<(SolvedTile, TileFigures), JobError> {
+        let region = self.region(&loaded);
+        let (tiles, spacing) = (&self.plan.plan.tiles, self.options.spacing);
+        let resumed = started.sites_in(&region.available, tiles, spacing)?;
+        let solution = solve_last_round(&loaded.scan, &region, &self.options, resumed, &|share| {
+            watch(SOLVER_SHARE * share)
+        });
+        let mut solution = solution.map_err(|_| TileError::Cancelled)?;
+        let before = started.started(loaded.tile.id)?;
+        solution.convergence.splice(..0, before.convergence);
+        let (solved, mut figures) = self.complete(loaded, solution, before.seeds)?;
+        figures.seconds = before.seconds;
+        Ok((solved, figures))
+    }
+
+    /// The region of a tile whose points are in memory.
+    fn region(&self, loaded: &LoadedTile) -> TileRegion {
+        let band = BAND_IN_SPACINGS * self.options.spacing;
+        TileRegion {
+            available: loaded.known,
+            core: loaded.tile.core,
+            band: self.plan.quantization.units(band),
+        }
+    }
+
+    /// The result of a tile by its `solution`, and its figures with a time of zero; those of its
+    /// `seeds` are known.
+    fn complete(
+        &self,
+        loaded: LoadedTile,
+        solution: Solution,
+        seeds: UniformityTally,
+    ) -> Result<(SolvedTile, TileFigures), JobError> {
         let LoadedTile {
             tile,
             known,
@@ -109,26 +231,13 @@ impl TileSolver {
         } = loaded;
         let options = &self.options;
 
-        // Solve.
-        let region = TileRegion {
-            available: known,
-            core: tile.core,
-            band: scan
-                .quantization()
-                .units(BAND_IN_SPACINGS * options.spacing),
-        };
-        let solution = solve_watched(&scan, &region, options, &|share| {
-            watch(SOLVER_SHARE * share)
-        })
-        .map_err(|_| TileError::Cancelled)?;
-
         // Measure, by the scan as it was measured.
         let scan = unsmoothed.unwrap_or(scan);
         let (own, band): (Vec<Site>, Vec<Site>) = solution
             .sites
             .iter()
             .partition(|site| tile.core.contains(site.identity));
-        let mut figures = figures(&tile, &scan, &solution, &own, options);
+        let mut figures = figures(&tile, &scan, &solution, seeds, &own, options);
 
         // Transfer attributes from the scan to the sites of the core.
         let (records, distances) = self.transfer.records(
@@ -157,11 +266,11 @@ fn figures(
     tile: &Tile,
     scan: &Scan,
     solution: &Solution,
+    seeds: UniformityTally,
     own: &[Site],
     options: &SolverOptions,
 ) -> TileFigures {
     let (core, spacing) = (&tile.core, options.spacing);
-    let in_core = |site: &&Site| core.contains(site.identity);
     TileFigures {
         tile: *tile,
         seconds: 0.0,
@@ -169,8 +278,8 @@ fn figures(
         fixed: own.iter().filter(|s| s.is_fixed).count() as u64,
         exact: own.iter().filter(|s| s.is_exact).count() as u64,
         input: input_distances(scan, core, options),
-        seeds: uniformity(solution.seeds.iter().filter(in_core), spacing),
-        uniformity: uniformity(solution.sites.iter().filter(in_core), spacing),
+        seeds,
+        uniformity: uniformity(own.iter(), spacing),
         accuracy: DistanceTally::new(spacing),
         coverage: coverage(scan, &solution.sites, core, spacing),
         convergence: solution.convergence.clone(),

@@ -1,6 +1,11 @@
 //! An acceleration together with its memory.
 
-use super::{anderson::Anderson, iterate::Iterate, method::Acceleration, relaxation::Relaxation};
+use super::{
+    anderson::Anderson,
+    iterate::Iterate,
+    method::Acceleration,
+    relaxation::{Memory, Relaxation},
+};
 use crate::geometry::{Local, Stored};
 
 /// An acceleration with its memory of past iterations.
@@ -28,6 +33,25 @@ impl Accelerator {
             Acceleration::AndersonGlobal => {
                 Self::Anderson(Box::new(Anderson::global(identities, scale)))
             }
+        }
+    }
+
+    /// The accelerator that goes on with what over-relaxation remembers of each site.
+    pub(crate) fn resume(acceleration: Acceleration, memories: Vec<Option<Memory>>) -> Self {
+        match acceleration {
+            Acceleration::Relaxation => {
+                let memories = memories.into_iter().map(Option::unwrap_or_default);
+                Self::Relaxation(Relaxation::resume(memories.collect()))
+            }
+            _ => Self::None,
+        }
+    }
+
+    /// The memories of over-relaxation for all sites; `None` without over-relaxation.
+    pub(crate) fn into_memories(self) -> Option<Vec<Memory>> {
+        match self {
+            Self::Relaxation(relaxation) => Some(relaxation.into_memories()),
+            Self::None | Self::Anderson(_) => None,
         }
     }
 

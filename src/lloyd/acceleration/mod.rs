@@ -12,3 +12,4 @@ mod relaxation;
 pub(super) use accelerator::Accelerator;
 pub(super) use iterate::Iterate;
 pub use method::Acceleration;
+pub(super) use relaxation::Memory;

@@ -9,6 +9,7 @@
 //! then travels no farther than in a plain Lloyd step, and tiles agree as exactly.
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::iterate::Iterate;
 use crate::geometry::Local;
@@ -27,8 +28,8 @@ pub(crate) struct Relaxation {
 }
 
 /// The memory of over-relaxation for one site.
-#[derive(Clone, Copy, Debug)]
-struct Memory {
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(crate) struct Memory {
     /// The factor of the last move.
     omega: f64,
     /// The residual of the last iteration (CRS units).
@@ -38,17 +39,33 @@ struct Memory {
     squares: [f64; 2],
 }
 
-impl Relaxation {
-    /// An empty memory for `sites` sites.
-    pub(super) fn new(sites: usize) -> Self {
-        let fresh = Memory {
+impl Default for Memory {
+    /// The memory before the first iteration.
+    fn default() -> Self {
+        Self {
             omega: 1.0,
             last: Local::zeros(),
             squares: [0.0, f64::INFINITY],
-        };
-        Self {
-            sites: vec![fresh; sites],
         }
+    }
+}
+
+impl Relaxation {
+    /// An empty memory for `sites` sites.
+    pub(super) fn new(sites: usize) -> Self {
+        Self {
+            sites: vec![Memory::default(); sites],
+        }
+    }
+
+    /// The memory that consists of those of the sites.
+    pub(super) fn resume(sites: Vec<Memory>) -> Self {
+        Self { sites }
+    }
+
+    /// What is remembered of each site.
+    pub(super) fn into_memories(self) -> Vec<Memory> {
+        self.sites
     }
 
     /// The next positions of all sites.

@@ -22,10 +22,8 @@ use rayon::prelude::*;
 
 use super::surroundings::Surroundings;
 use crate::{
-    geometry::{
-        ITEMS_PER_TASK, Local, NeighborGrid, OccupiedCells, Patch, PatchKind, Stored, cell_of,
-    },
-    lloyd::surface::Surface,
+    geometry::{Local, NeighborGrid, OccupiedCells, Patch, PatchKind, Stored, cell_of},
+    lloyd::surface::{Surface, bounding_box},
 };
 
 /// Distance between the positions of the filling: a patch then finds as many as it needs.
@@ -34,6 +32,10 @@ const PITCH_IN_SPACINGS: f64 = 0.5;
 /// Edge of the cells whose samples are one *landmark*, their mean. Gaps are wider than that,
 /// and there are fewer landmarks than samples to examine.
 const LANDMARK_CELL_IN_SPACINGS: f64 = 0.75;
+
+/// Edge of the cells whose landmarks find what is near them together: as many landmarks stand in
+/// the memory side by side.
+const BLOCK_IN_SPACINGS: f64 = 4.0 * LANDMARK_CELL_IN_SPACINGS;
 
 /// A landmark with others in all directions within this distance is at no gap.
 const DENSE_IN_SPACINGS: f64 = 1.6;
@@ -67,18 +69,73 @@ pub(super) fn filling(surface: Surface<'_>) -> Vec<Stored> {
         dense: NeighborGrid::new(&landmarks, dense),
         across_gap: NeighborGrid::new(&landmarks, dense.max(across_gap / CELLS_PER_SEARCH)),
     };
-    let positions = |near: &mut Vec<Local>, &landmark: &Local| match patch_across_gap(
-        landmark, &grids, surface, near,
-    ) {
-        Some(patch) => filled_around(landmark, &patch, surface, near),
-        None => Vec::new(),
-    };
+    let block_of = |&landmark: &Local| cell_of(landmark, BLOCK_IN_SPACINGS * spacing);
     landmarks
-        .par_iter()
-        .with_max_len(ITEMS_PER_TASK)
-        .map_init(Vec::new, positions)
+        .par_chunk_by(|a, b| block_of(a) == block_of(b))
+        .map_init(Block::default, |block, landmarks| {
+            block.begin(landmarks, &grids, surface);
+            let mut positions = Vec::new();
+            for &landmark in landmarks {
+                if let Some(patch) = patch_across_gap(landmark, &grids, surface, block) {
+                    positions.extend(filled_around(landmark, &patch, surface, &block.near));
+                }
+            }
+            positions
+        })
         .flatten_iter()
         .collect()
+}
+
+/// What the landmarks of a block have around them.
+#[derive(Default)]
+struct Block {
+    /// The landmarks within `DENSE_IN_SPACINGS`, and more.
+    landmarks: Vec<Local>,
+    /// The samples within the fit radius, and more, once they are needed.
+    samples: Option<Vec<Local>>,
+    /// The corners of the box around the landmarks of the block.
+    corners: [Local; 2],
+    /// Scratch: what is near one landmark.
+    near: Vec<Local>,
+}
+
+impl Block {
+    /// Prepares for `landmarks`.
+    fn begin(&mut self, landmarks: &[Local], grids: &Grids, surface: Surface<'_>) {
+        self.corners = bounding_box(landmarks.iter().copied());
+        let reach = Local::repeat(DENSE_IN_SPACINGS * surface.spacing());
+        let [low, high] = self.corners;
+        self.samples = None;
+        self.landmarks.clear();
+        let add = |_, landmark| self.landmarks.push(landmark);
+        grids.dense.visit_box(low - reach, high + reach, add);
+    }
+
+    /// Makes `near` the landmarks nearer to `position` than `radius` (CRS units), which is at
+    /// most `DENSE_IN_SPACINGS`.
+    fn find_landmarks(&mut self, position: Local, radius: f64) {
+        keep_within(&self.landmarks, position, radius, &mut self.near);
+    }
+
+    /// Makes `near` the samples within the fit radius of `position`.
+    fn find_samples(&mut self, position: Local, surface: Surface<'_>) {
+        let radius = surface.options.fit_radius;
+        let samples = self.samples.get_or_insert_with(|| {
+            let [low, high] = self.corners;
+            let (reach, mut found) = (Local::repeat(radius), Vec::new());
+            let samples = surface.scan.samples();
+            samples.visit_box(low - reach, high + reach, |_, sample| found.push(sample));
+            found
+        });
+        keep_within(samples, position, radius, &mut self.near);
+    }
+}
+
+/// Makes `near` those of `positions` that are nearer to `center` than `radius` (CRS units).
+fn keep_within(positions: &[Local], center: Local, radius: f64, near: &mut Vec<Local>) {
+    let is_near = |position: &Local| (position - center).norm_squared() < radius * radius;
+    near.clear();
+    near.extend(positions.iter().copied().filter(is_near));
 }
 
 /// The landmarks by cells as wide as what is searched.
@@ -106,32 +163,32 @@ fn landmarks(surface: Surface<'_>, edge: f64) -> Vec<Local> {
         .collect()
 }
 
-/// The patch across the gap at `landmark`, if there is a gap in a surface. It fills `near` with
-/// the landmarks on both sides of the gap.
+/// The patch across the gap at `landmark`, if there is a gap in a surface. It fills `near` of `block`
+/// with the landmarks on both sides of the gap.
 fn patch_across_gap(
     landmark: Local,
     landmarks: &Grids,
     surface: Surface<'_>,
-    near: &mut Vec<Local>,
+    block: &mut Block,
 ) -> Option<Patch> {
     let (options, spacing) = (surface.options, surface.spacing());
     let dense = DENSE_IN_SPACINGS * spacing;
-    landmarks.dense.gather(landmark, dense, near);
-    if let Some(patch) = Patch::fit(landmark, near, dense, PatchKind::Plane)
-        && Surroundings::of(landmark, &patch, near, spacing).longest_gap() <= 1
+    block.find_landmarks(landmark, dense);
+    if let Some(patch) = Patch::fit(landmark, &block.near, dense, PatchKind::Plane)
+        && Surroundings::of(landmark, &patch, &block.near, spacing).longest_gap() <= 1
     {
         return None;
     }
     // Where the samples nearby are no surface, nothing is known of a gap.
-    let samples = surface.scan.samples();
-    samples.gather(landmark, options.fit_radius, near);
-    if Patch::fit(landmark, near, options.fit_radius, options.patch)
+    block.find_samples(landmark, surface);
+    if Patch::fit(landmark, &block.near, options.fit_radius, options.patch)
         .is_some_and(|patch| !patch.describes(options.fit_radius))
     {
         return None;
     }
     // Few patches across a gap describe a surface: only there the other side is searched. The
     // margin is for rounding.
+    let near = &mut block.near;
     let radius = options.fit_radius.max(FIT_RADIUS_IN_FILLS * options.fill);
     let fit = |near: &[Local], margin: f64| {
         let patch = Patch::fit(landmark, near, radius, options.patch);

@@ -28,15 +28,43 @@ impl Scan {
     ///
     /// Unless spacing and fit radius are positive, and there are fewer than 2³² points.
     pub(crate) fn prepared(
+        points: ThinnedPoints,
+        quantization: Quantization,
+        options: &SolverOptions,
+    ) -> Self {
+        Self::closed(points, quantization, options, |scan| {
+            filling(Surface::new(scan, options))
+        })
+    }
+
+    /// Prepares `points` like [`prepared`](Self::prepared), but closes the holes with the
+    /// positions `filling`, which are known.
+    ///
+    /// # Panics
+    ///
+    /// Unless spacing and fit radius are positive, and there are fewer than 2³² points.
+    pub(crate) fn filled_with(
+        filling: Vec<Stored>,
+        points: ThinnedPoints,
+        quantization: Quantization,
+        options: &SolverOptions,
+    ) -> Self {
+        Self::closed(points, quantization, options, |_| filling)
+    }
+
+    /// Thins, smooths, sorts and samples `points`, and closes the holes with the positions
+    /// `filling`.
+    fn closed(
         mut points: ThinnedPoints,
         quantization: Quantization,
         options: &SolverOptions,
+        filling: impl FnOnce(&Self) -> Vec<Stored>,
     ) -> Self {
         if options.smooth > 0.0 {
             points = smoothed(points, &quantization, options);
         }
         let mut scan = Self::thinned(points, quantization, options);
-        let filling = filling(Surface::new(&scan, options));
+        let filling = filling(&scan);
         if !filling.is_empty() {
             scan.fill(filling, options);
         }

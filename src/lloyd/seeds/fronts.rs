@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use super::election::Election;
 use crate::{
     geometry::{Local, NeighborGrid, Stored, cell_of},
-    lloyd::surface::bounding_box,
+    lloyd::surface::{Surface, bounding_box},
 };
 
 /// Radius of the election where nothing is a surface. With the radius of surfaces the seeds
@@ -35,18 +35,45 @@ const BRICK_IN_SPACINGS: f64 = 4.0 / 3.0;
 /// Widths of the rings beyond the radius, step by step.
 const RINGS_IN_SPACINGS: [f64; 6] = [0.1, 0.1, 0.1, 0.2, 0.2, 0.2];
 
+/// A point, and its squared distance to the nearest seed (CRS units squared), exact as far as it
+/// is needed.
+type Distant = (Stored, f64);
+
 /// The points that no seed covers yet, in the order of their priorities.
 struct Uncovered {
     points: Vec<Stored>,
     positions: Vec<Local>,
     grid: NeighborGrid,
-    /// Squared distance of each point to the nearest seed (CRS units squared), exact as far as
-    /// it is needed.
+    /// The squared distance of each point to the nearest seed.
     nearest: Vec<f64>,
     spacing: f64,
 }
 
 impl Uncovered {
+    /// Takes the `points`, in the order of their priorities, for an election on `surface`.
+    fn new(points: &[Distant], surface: Surface<'_>) -> Self {
+        let (quantization, spacing) = (surface.quantization(), surface.spacing());
+        let position = |&(point, _): &Distant| quantization.local(point);
+        let positions: Vec<Local> = points.par_iter().map(position).collect();
+        Self {
+            grid: NeighborGrid::new(&positions, spacing),
+            points: points.iter().map(|&(point, _)| point).collect(),
+            nearest: points.iter().map(|&(_, nearest)| nearest).collect(),
+            positions,
+            spacing,
+        }
+    }
+
+    /// The points whose squared distance is at least `covered` (CRS units squared).
+    fn left(&self, covered: f64) -> Vec<Distant> {
+        let all = self
+            .points
+            .iter()
+            .copied()
+            .zip(self.nearest.iter().copied());
+        all.filter(|&(_, nearest)| nearest >= covered).collect()
+    }
+
     /// Takes note of a seed at the point with this `index`, for the points within `reach`
     /// (spacings).
     fn cover(&mut self, index: usize, reach: f64) {
@@ -66,9 +93,8 @@ impl Election<'_> {
         let spacing = self.surface.spacing();
         let [farthest, covered] =
             [NUCLEUS_DISTANCE_IN_SPACINGS, LOOSE_RADIUS_IN_SPACINGS].map(|r| (r * spacing).powi(2));
-        let mut uncovered = self.uncovered(points, covered);
-        let count = uncovered.points.len();
-        for index in 0..count {
+        let mut uncovered = Uncovered::new(&self.uncovered(points, covered), self.surface);
+        for index in 0..uncovered.points.len() {
             if uncovered.nearest[index] >= farthest {
                 self.seeds.push(uncovered.points[index]);
                 uncovered.cover(index, NUCLEUS_DISTANCE_IN_SPACINGS);
@@ -76,16 +102,17 @@ impl Election<'_> {
         }
         // From here on no distance beyond the widest ring is needed.
         let widest = LOOSE_RADIUS_IN_SPACINGS + RINGS_IN_SPACINGS.into_iter().fold(0.0, f64::max);
-        let mut open: Vec<usize> = (0..count).collect();
         let endless = std::iter::repeat(f64::INFINITY);
         for width in RINGS_IN_SPACINGS.into_iter().chain(endless) {
-            open.retain(|&index| uncovered.nearest[index] >= covered);
-            if open.is_empty() {
+            // Those that are covered by now would be in the way of all that follow.
+            let left = uncovered.left(covered);
+            if left.is_empty() {
                 return;
             }
+            uncovered = Uncovered::new(&left, self.surface);
             let limit = ((LOOSE_RADIUS_IN_SPACINGS + width) * spacing).powi(2);
             let is_next = |&index: &usize| uncovered.nearest[index] <= limit;
-            let front: Vec<usize> = open.iter().copied().filter(is_next).collect();
+            let front: Vec<usize> = (0..left.len()).filter(is_next).collect();
             for index in front {
                 if uncovered.nearest[index] >= covered {
                     self.seeds.push(uncovered.points[index]);
@@ -96,8 +123,8 @@ impl Election<'_> {
     }
 
     /// The `points` whose squared distance to the nearest seed is at least `covered` (CRS units
-    /// squared).
-    fn uncovered(&self, points: &[Stored], covered: f64) -> Uncovered {
+    /// squared), in the order of their priorities.
+    fn uncovered(&self, points: &[Stored], covered: f64) -> Vec<Distant> {
         let spacing = self.surface.spacing();
         let earlier = self.grid();
         let brick_of = |&point: &Stored| cell_of(self.local(point), BRICK_IN_SPACINGS * spacing);
@@ -108,6 +135,10 @@ impl Election<'_> {
                 let reach = Local::repeat(NUCLEUS_DISTANCE_IN_SPACINGS * spacing);
                 seeds.clear();
                 earlier.visit_box(low - reach, high + reach, |_, seed| seeds.push(seed));
+                // Most points are covered by one of the seeds in the middle.
+                let middle = (low + high) * 0.5;
+                let from_middle = |seed: &Local| (seed - middle).norm_squared();
+                seeds.sort_unstable_by(|a, b| from_middle(a).total_cmp(&from_middle(b)));
                 let with_distance = |&point: &Stored| {
                     let position = self.local(point);
                     let mut nearest = f64::INFINITY;
@@ -124,13 +155,8 @@ impl Election<'_> {
             .flatten_iter()
             .collect();
         left.par_sort_unstable_by_key(|&(priority, point, _)| (priority, point));
-        let positions: Vec<Local> = left.iter().map(|&(_, p, _)| self.local(p)).collect();
-        Uncovered {
-            grid: NeighborGrid::new(&positions, spacing),
-            nearest: left.iter().map(|&(.., squared)| squared).collect(),
-            points: left.into_iter().map(|(_, point, _)| point).collect(),
-            positions,
-            spacing,
-        }
+        left.into_iter()
+            .map(|(_, point, nearest)| (point, nearest))
+            .collect()
     }
 }

@@ -80,7 +80,7 @@ fn normals(middles: &[Local], edge: f64, surface: Surface<'_>) -> Vec<(CellIndex
         .collect();
     let normal = |samples: &mut Samples, own: usize| {
         let radius = surface.options.fit_radius;
-        let (near, _) = samples.in_ball(middles[own], radius);
+        let (near, _, _) = samples.in_ball(middles[own], radius);
         let patch = Patch::fit(middles[own], near, radius, PatchKind::Plane)?;
         let is_flat = patch.residual <= LARGEST_RESIDUAL_IN_FIT_RADII * radius
             && patch.roundness >= LEAST_ROUNDNESS;

@@ -1,5 +1,7 @@
 //! III-B: the patch of a site, and what the fit knows of the scan around it.
 
+use serde::{Deserialize, Serialize};
+
 use super::samples::Samples;
 use crate::{
     geometry::{BOUNDING_SIDES, Local, Patch, PatchKind, Reach, bounding_corners},
@@ -24,6 +26,9 @@ const CORNER_COSINE: f64 = 0.9;
 /// A sample stands for the surface this far around it, at least.
 const SAMPLE_REACH_IN_SPACINGS: f64 = 0.42;
 
+/// With a larger residual a patch is fitted again, by the weights of the samples.
+const NOISE_IN_SPACINGS: f64 = 0.01;
+
 /// A patch with a larger residual is near an edge.
 const SHARP_IN_SPACINGS: f64 = 0.02;
 /// The excess of the residual at which the fit radius is reduced the most.
@@ -36,7 +41,7 @@ const REDUCED_SUPPORT: u32 = 12;
 const REDUCED_RESIDUAL: f64 = 0.9;
 
 /// A patch, and what the fit knows of the scan around it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Fit {
     pub(crate) patch: Patch,
     /// The position of the site when the patch was fitted.
@@ -47,8 +52,10 @@ pub(crate) struct Fit {
     pub(super) trust: f64,
     /// The point that the boundary restriction found last: the next position of the site is
     /// near it, too, more often than not.
+    #[serde(skip, default = "nowhere")]
     witness: Local,
     /// How far the scan reaches around the anchor on the patch; computed on demand.
+    #[serde(skip)]
     scanned: Option<Box<Reach>>,
 }
 
@@ -78,16 +85,16 @@ impl Fit {
         enough: impl Fn(f64) -> bool,
     ) -> Option<Self> {
         let radius = options.fit_radius;
-        let (near, points) = samples.in_ball(site, radius);
+        let (near, weights, points) = samples.in_ball(site, radius);
         let patch = Patch::fit(site, near, radius, options.patch)?;
         // A sharper patch finds a surface in leaves, too.
         let trust = patch.trust(radius.max(options.spacing));
         enough(trust).then(|| Self {
-            patch: sharper(&patch, site, near, options).unwrap_or(patch),
+            patch: better(&patch, trust, site, near, weights, options),
             anchor: site,
             input_spacing: radius * (std::f64::consts::PI / points as f64).sqrt(),
             trust,
-            witness: Local::repeat(f64::NAN),
+            witness: nowhere(),
             scanned: None,
         })
     }
@@ -154,6 +161,11 @@ impl Fit {
     }
 }
 
+/// A position that is near nothing.
+fn nowhere() -> Local {
+    Local::repeat(f64::NAN)
+}
+
 /// How far the `samples` that lie on `patch` reach around `position`, towards each corner of
 /// the bounding polygon (CRS units).
 fn reach_of(samples: &[Local], patch: &Patch, position: Local, spacing: f64) -> Reach {
@@ -176,12 +188,32 @@ fn reach_of(samples: &[Local], patch: &Patch, position: Local, spacing: f64) -> 
     reach
 }
 
+/// The patch that stands in for `patch`, which is trusted for the share `trust`. On a surface the
+/// `samples` have their `weights`. Elsewhere those with few points count as much: what the patch
+/// leaves unexplained there is no noise.
+fn better(
+    patch: &Patch,
+    trust: f64,
+    site: Local,
+    samples: &[Local],
+    weights: &[f64],
+    options: &SolverOptions,
+) -> Patch {
+    let weights = if trust < 1.0 { &[] } else { weights };
+    let has_noise = !weights.is_empty() && patch.residual > NOISE_IN_SPACINGS * options.spacing;
+    let weighted = has_noise
+        .then(|| Patch::fit_weighted(site, samples, weights, options.fit_radius, options.patch));
+    let patch = weighted.flatten().unwrap_or(*patch);
+    sharper(&patch, site, samples, weights, options).unwrap_or(patch)
+}
+
 /// The patch of a smaller radius, where `patch` rounds an edge and the smaller one explains
 /// more.
 fn sharper(
     patch: &Patch,
     site: Local,
     samples: &[Local],
+    weights: &[f64],
     options: &SolverOptions,
 ) -> Option<Patch> {
     let excess = patch.residual / options.spacing - SHARP_IN_SPACINGS;
@@ -189,7 +221,8 @@ fn sharper(
         return None;
     }
     let share = 1.0 - LARGEST_REDUCTION * (excess / SHARPEST_EXCESS_IN_SPACINGS).min(1.0);
-    Patch::fit(site, samples, options.fit_radius * share, options.patch).filter(|sharper| {
+    let radius = options.fit_radius * share;
+    Patch::fit_weighted(site, samples, weights, radius, options.patch).filter(|sharper| {
         sharper.support >= REDUCED_SUPPORT && sharper.residual < REDUCED_RESIDUAL * patch.residual
     })
 }

@@ -6,6 +6,8 @@
 //! flat, closed by neighbours or by the end of the scan: others respond less simply (with them
 //! followed, too, the area CV of 53 clouds was higher by 1 % on the mean).
 
+use serde::{Deserialize, Serialize};
+
 use super::{
     fit::Fit,
     links::Links,
@@ -19,7 +21,7 @@ use crate::geometry::{Local, Moments, Response};
 pub(super) const LARGEST_DRIFT_IN_SPACINGS: f64 = 0.03;
 
 /// What is kept of a clipped cell.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct FollowedCell {
     /// The centroid of the cell, as far as it was followed.
     centroid: Local,

@@ -15,7 +15,7 @@ impl Links {
     pub(super) const NONE: Self = Self([NO_LINK; MOST_EDGES]);
 
     /// Links to `neighbors`.
-    pub(super) fn new(neighbors: impl Iterator<Item = u32>) -> Self {
+    pub(crate) fn new(neighbors: impl Iterator<Item = u32>) -> Self {
         let mut links = Self::NONE;
         for (link, neighbor) in links.0.iter_mut().zip(neighbors) {
             *link = neighbor;
@@ -27,5 +27,11 @@ impl Links {
     #[inline]
     pub(crate) fn sites(&self) -> impl Iterator<Item = u32> {
         self.0.iter().copied().take_while(|&link| link != NO_LINK)
+    }
+}
+
+impl Default for Links {
+    fn default() -> Self {
+        Self::NONE
     }
 }

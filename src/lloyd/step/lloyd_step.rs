@@ -6,6 +6,8 @@
 //!
 //! The cell is clipped, or followed where it has hardly changed (`following`).
 
+use serde::{Deserialize, Serialize};
+
 use super::{
     fit::Fit,
     following::{FollowedCell, LARGEST_DRIFT_IN_SPACINGS},
@@ -28,7 +30,7 @@ pub(crate) struct Iteration<'a> {
 }
 
 /// The result of the last Lloyd step of one site.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(crate) struct Step {
     /// The patch, if one is trusted.
     pub(crate) fit: Option<Box<Fit>>,
@@ -37,8 +39,10 @@ pub(crate) struct Step {
     /// Whether everything that the position depends on was available.
     pub(crate) is_exact: bool,
     /// The centroid, projected and restricted.
+    #[serde(skip)]
     pub(crate) target: Local,
     /// The sites whose cells share an edge with that of the site.
+    #[serde(skip)]
     pub(crate) links: Links,
     /// Whether those sites do not bound the cell all around.
     pub(crate) is_open: bool,
@@ -46,12 +50,14 @@ pub(crate) struct Step {
     pub(crate) nearest: Option<f64>,
     /// How far the site may move in any direction and keep clear of its neighbours (CRS
     /// units).
+    #[serde(skip)]
     pub(crate) free: f64,
     /// Whether the cell is followed.
     is_followed: bool,
     /// The cell that is followed, or memory for the next.
     followed: Option<Box<FollowedCell>>,
     /// The sites that can cut a large cell.
+    #[serde(skip)]
     far: FarList,
 }
 
@@ -70,6 +76,27 @@ impl Step {
             is_followed: false,
             followed: None,
             far: FarList::default(),
+        }
+    }
+
+    /// The step as it is kept between two rounds.
+    pub(crate) fn kept(mut self) -> Self {
+        if !self.is_followed {
+            self.followed = None;
+        }
+        self
+    }
+
+    /// Continues the kept step of a site at `position`. `links` are those that the step had;
+    /// `None` if not all of those sites are known.
+    pub(crate) fn resume(&mut self, position: Local, links: Option<Links>) {
+        self.target = position;
+        match links {
+            Some(links) => self.links = links,
+            None => {
+                self.reset(position);
+                self.is_exact = false;
+            }
         }
     }
 
@@ -198,7 +225,7 @@ impl Step {
             .iter()
             .filter(|n| n.distance_squared <= security)
             .all(|n| was_exact[n.index as usize])
-            && cone.has_right_seeds(position, radius, surface.quantization());
+            && cone.has_right_sites(position, radius, surface.quantization());
         let Some(moments) = moments else {
             return;
         };

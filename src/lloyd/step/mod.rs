@@ -13,6 +13,7 @@ mod scratch;
 mod vicinity;
 
 pub(super) use fit::{Fit, SHEET_THICKNESS_IN_SPACINGS};
+pub(super) use links::Links;
 pub(super) use lloyd_step::{Iteration, Step};
 pub(super) use neighborhoods::{BLOCK_EDGE_IN_SPACINGS, BLOCKS_PER_TASK, Neighborhoods};
 pub use restriction::Restriction;

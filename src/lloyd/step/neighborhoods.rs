@@ -74,6 +74,14 @@ impl Neighborhoods {
         }
     }
 
+    /// The neighbourhoods of sites whose last moves (CRS units) were `moves`.
+    pub(crate) fn after(mut self, moves: Vec<Local>) -> Self {
+        let length = |way| length_in_spacings(way, self.spacing);
+        self.lengths = moves.iter().map(length).collect();
+        self.moves = moves;
+        self
+    }
+
     /// The positions of the sites.
     #[inline]
     pub(crate) fn positions(&self) -> &[Local] {
@@ -93,14 +101,14 @@ impl Neighborhoods {
 
     /// Moves the sites to `positions`.
     pub(crate) fn move_to(&mut self, positions: Vec<Local>) {
-        let per_spacing = 1.0 / self.spacing;
+        let spacing = self.spacing;
         self.moves
             .par_iter_mut()
             .zip(&mut self.lengths)
             .zip(positions.par_iter().zip(&self.positions))
             .for_each(|((way, length), (now, before))| {
                 *way = now - before;
-                *length = (way.norm() * per_spacing) as f32;
+                *length = length_in_spacings(way, spacing);
             });
         self.positions = positions;
         let has_strayed = |&site: &u32| self.has_strayed(site, self.lists.positions[site as usize]);
@@ -264,6 +272,12 @@ impl Neighborhoods {
     pub(crate) fn neighbor(&self, site: usize, other: u32) -> Neighbor {
         Neighbor::new(self.positions[site], other, self.positions[other as usize])
     }
+}
+
+/// The length of `way` (CRS units) in spacings.
+#[inline]
+fn length_in_spacings(way: &Local, spacing: f64) -> f32 {
+    (way.norm() * (1.0 / spacing)) as f32
 }
 
 #[cfg(test)]

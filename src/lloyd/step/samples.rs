@@ -5,10 +5,12 @@ use crate::{geometry::Local, lloyd::surface::Surface};
 /// The samples in and around a box, for the patches at positions in the box.
 #[derive(Debug, Default)]
 pub(crate) struct Samples {
-    /// Each sample with the number of points in its voxel.
-    in_box: Vec<(Local, u32)>,
+    /// Each sample with the number of points that its voxel keeps, and its weight.
+    in_box: Vec<(Local, u32, f32)>,
     /// Scratch: the samples of one patch.
     in_ball: Vec<Local>,
+    /// Scratch: their weights.
+    weights: Vec<f64>,
 }
 
 impl Samples {
@@ -19,22 +21,25 @@ impl Samples {
         let scan = surface.scan;
         scan.samples()
             .visit_box(low - reach, high + reach, |index, sample| {
-                self.in_box.push((sample, scan.count(index)));
+                self.in_box
+                    .push((sample, scan.count(index), scan.weight(index)));
             });
     }
 
-    /// The samples of the box nearer to `position` than `radius` (CRS units), and the number
-    /// of points in their voxels.
-    pub(crate) fn in_ball(&mut self, position: Local, radius: f64) -> (&[Local], u64) {
+    /// The samples of the box nearer to `position` than `radius` (CRS units), their weights, and
+    /// the number of points that their voxels keep.
+    pub(crate) fn in_ball(&mut self, position: Local, radius: f64) -> (&[Local], &[f64], u64) {
         let mut points = 0;
         self.in_ball.clear();
-        for &(sample, count) in &self.in_box {
+        self.weights.clear();
+        for &(sample, count, weight) in &self.in_box {
             if (sample - position).norm_squared() < radius * radius {
                 self.in_ball.push(sample);
+                self.weights.push(f64::from(weight));
                 points += u64::from(count);
             }
         }
-        (&self.in_ball, points)
+        (&self.in_ball, &self.weights, points)
     }
 
     /// The samples of the scan within the fit radius of `position`, wherever the box is. The

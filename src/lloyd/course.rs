@@ -1,0 +1,186 @@
+//! The course of the sites of one tile through the iterations of a round.
+
+use std::ops::ControlFlow;
+
+use super::{
+    acceleration::{Accelerator, Iterate},
+    options::SolverOptions,
+    region::{DependencyCone, TileRegion},
+    resumed_sites::ResumedSites,
+    round::Round,
+    seeds::elect,
+    site::Site,
+    site_state::SiteState,
+    sites::Sites,
+    surface::Surface,
+};
+use crate::{
+    geometry::{Local, Stored},
+    quality::DistanceSums,
+};
+
+/// Receives the share of the work that is done, between 0 and 1, from time to time, and says
+/// whether the solver goes on.
+pub(crate) type Monitor<'a> = &'a dyn Fn(f64) -> ControlFlow<()>;
+
+/// The solver was stopped by its [`Monitor`] before it had a result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Cancelled;
+
+/// Approximate share of the time of all iterations that has passed when the seeds are elected.
+const ELECTED_SHARE: f64 = 0.36;
+
+/// Approximate share of the time of all iterations that has passed when the seeds are elected and
+/// described.
+const DESCRIBED_SHARE: f64 = 0.48;
+
+/// The sites of one tile on their way through the iterations of a round.
+pub(super) struct Course<'a> {
+    options: &'a SolverOptions,
+    region: &'a TileRegion,
+    round: Round,
+    cone: DependencyCone<'a>,
+    pub(super) sites: Sites<'a>,
+    accelerator: Accelerator,
+    /// The wanted sites before the first iteration of all, in the order of their identities.
+    pub(super) seeds: Vec<Site>,
+    /// The distances from the core's sites to their nearest neighbours, at the start of every
+    /// iteration of the round.
+    pub(super) convergence: Vec<DistanceSums>,
+}
+
+impl<'a> Course<'a> {
+    /// Elects the seeds of `surface` for a course through `round`, the first one. `monitor` is
+    /// consulted before and after the election.
+    ///
+    /// # Errors
+    ///
+    /// [`Cancelled`] if `monitor` stops the solver.
+    pub(super) fn begin(
+        surface: Surface<'a>,
+        region: &'a TileRegion,
+        round: Round,
+        monitor: Monitor<'_>,
+    ) -> Result<Self, Cancelled> {
+        let (options, quantization) = (surface.options, surface.quantization());
+        let consult = |share: f64| consult(monitor, options, &round, share);
+
+        // Seeds are elected in the whole scan; those that can influence no wanted site are
+        // dropped.
+        consult(0.0)?;
+        let all = elect(surface.scan, options);
+        consult(ELECTED_SHARE)?;
+        let cone = DependencyCone::new(region, &round, options, quantization);
+        let (identities, positions): (Vec<Stored>, Vec<Local>) = all
+            .identities
+            .into_iter()
+            .zip(all.positions)
+            .filter(|&(identity, _)| cone.matters(identity, 0))
+            .unzip();
+
+        // The first Lloyd step shares its cells with the figures of the seeds.
+        let mut sites = Sites::new(surface, region, &identities, &positions);
+        sites.mark_exact_seeds(&cone);
+        let seeds = sites.first_step(&cone);
+        let accelerator = Accelerator::new(
+            options.acceleration,
+            &sites.identities,
+            quantization.scale,
+            options.spacing,
+        );
+        Ok(Self {
+            options,
+            region,
+            round,
+            cone,
+            sites,
+            accelerator,
+            seeds,
+            convergence: Vec::new(),
+        })
+    }
+
+    /// Continues a course through `round`, one that is not the first, with `resumed` sites.
+    pub(super) fn resume(
+        surface: Surface<'a>,
+        region: &'a TileRegion,
+        round: Round,
+        resumed: ResumedSites,
+    ) -> Self {
+        let (options, quantization) = (surface.options, surface.quantization());
+        let cone = DependencyCone::new(region, &round, options, quantization);
+        let (sites, memories) = Sites::resume(surface, region, resumed);
+        Self {
+            options,
+            region,
+            cone,
+            round,
+            sites,
+            accelerator: Accelerator::resume(options.acceleration, memories),
+            seeds: Vec::new(),
+            convergence: Vec::new(),
+        }
+    }
+
+    /// Does the iterations of the round. `monitor` is consulted before each.
+    ///
+    /// # Errors
+    ///
+    /// [`Cancelled`] if `monitor` stops the solver.
+    pub(super) fn iterate(&mut self, monitor: Monitor<'_>) -> Result<(), Cancelled> {
+        for iteration in self.round.iterations.clone() {
+            let share = share_before(iteration, self.options);
+            consult(monitor, self.options, &self.round, share)?;
+            self.convergence.push(match iteration {
+                0 => nearest_distances(self.region, &self.seeds),
+                _ => self.sites.lloyd_step(&self.cone, iteration),
+            });
+            let next = self.accelerator.next(&Iterate {
+                sites: self.sites.neighborhoods.positions(),
+                steps: &self.sites.steps,
+                spacing: self.options.spacing,
+            });
+            self.sites.move_to(next);
+        }
+        Ok(())
+    }
+
+    /// The states of the wanted sites.
+    pub(super) fn into_states(self) -> Vec<SiteState> {
+        self.sites.into_states(self.accelerator.into_memories())
+    }
+}
+
+/// Approximate share of the time of all iterations that has passed before `iteration`. The first
+/// ones take longer: more sites move, and more patches are fitted.
+fn share_before(iteration: u32, options: &SolverOptions) -> f64 {
+    let share = (f64::from(iteration) / f64::from(options.iterations)).powf(0.85);
+    DESCRIBED_SHARE + (1.0 - DESCRIBED_SHARE) * share
+}
+
+/// Reports that `share` of the time of all iterations has passed, as a share of that of `round`.
+fn consult(
+    monitor: Monitor<'_>,
+    options: &SolverOptions,
+    round: &Round,
+    share: f64,
+) -> Result<(), Cancelled> {
+    let start = match round.iterations.start {
+        0 => 0.0,
+        start => share_before(start, options),
+    };
+    let end = match round.iterations.end {
+        end if end == options.iterations => 1.0,
+        end => share_before(end, options),
+    };
+    match monitor((share - start) / (end - start)) {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => Err(Cancelled),
+    }
+}
+
+/// The distances from the core's `sites` to their nearest neighbours.
+pub(super) fn nearest_distances(region: &TileRegion, sites: &[Site]) -> DistanceSums {
+    let counts = |site: &&Site| site.nearest.is_finite() && region.core.contains(site.identity);
+    DistanceSums::of(sites.iter().filter(counts).map(|site| site.nearest))
+}

@@ -1,0 +1,223 @@
+//! Rounds: iterations that all tiles do before any tile does the next.
+//!
+//! A tile sees as far around its core as influence travels until it is done. Twenty iterations
+//! after an election are 42 spacings; where a tile has room for little more, nearly all its work
+//! is that of its neighbours. In two rounds it is 23: first the election and a few iterations,
+//! then, with the sites as the neighbours have left them, the rest.
+//!
+//! ```text
+//!   one round    ├─ election ─┼──────────── 20 iterations ────────────┤ core
+//!   two rounds               ├─ election ─┼─ 5 iterations ─┤ core
+//!                            ├─ fit ─┼──── 15 iterations ──┤ core
+//! ```
+//!
+//! A site continues from its [state](super::site_state), which is all that the next iteration
+//! knows of the last. So the bits are the same, in one round or two.
+
+use std::ops::Range;
+
+use super::{acceleration::Acceleration, options::SolverOptions};
+
+/// Iterations that all tiles do before any tile does the next.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Round {
+    /// The iterations.
+    pub(crate) iterations: Range<u32>,
+    /// Depth (CRS units) inside the rectangle of available points from which on every tile
+    /// begins the round with the same sites, on the same samples.
+    pub(crate) margin: f64,
+}
+
+/// How far a site is from its identity between two rounds, at most, and the rim of what a tile
+/// knows in which a voxel may have lost a part of its points.
+const STATE_MARGIN_IN_SPACINGS: f64 = 3.0;
+
+impl Round {
+    /// Width of the halo (CRS units) with which tiles agree on the sites that they share at the
+    /// end of the round.
+    pub(crate) fn halo(&self, options: &SolverOptions) -> f64 {
+        f64::from(self.iterations.end - self.iterations.start) * options.reach_of_an_iteration()
+            + self.margin
+    }
+}
+
+impl SolverOptions {
+    /// All iterations as one round.
+    pub(super) fn only_round(&self) -> Round {
+        Round {
+            iterations: 0..self.iterations,
+            margin: self.seed_margin(),
+        }
+    }
+
+    /// The election and the iterations as two rounds that need halos of nearly the same width.
+    pub(crate) fn two_rounds(&self) -> [Round; 2] {
+        let [first, last] = [self.seed_margin(), self.state_margin()];
+        let reach = self.reach_of_an_iteration();
+        let even = 0.5 * (f64::from(self.iterations) - (first - last) / reach);
+        // A state is what an iteration leaves.
+        let between = (even.round().max(1.0) as u32).min(self.iterations);
+        [(0..between, first), (between..self.iterations, last)]
+            .map(|(iterations, margin)| Round { iterations, margin })
+    }
+
+    /// Whether the state of a site says all that the next iteration knows of the last: Anderson
+    /// mixing remembers whole blocks.
+    pub(crate) fn has_rounds(&self) -> bool {
+        matches!(
+            self.acceleration,
+            Acceleration::None | Acceleration::Relaxation
+        )
+    }
+
+    /// Depth (CRS units) inside the rectangle of available points from which on every tile knows
+    /// the same states and samples.
+    fn state_margin(&self) -> f64 {
+        STATE_MARGIN_IN_SPACINGS * self.spacing + self.fit_radius + 2.0 * self.smooth
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ops::ControlFlow;
+
+    use super::*;
+    use crate::{
+        geometry::{Local, Quantization, Rect, Stored, spread},
+        lloyd::{
+            ResumedSites, Scan, SiteState, TileRegion, solve, solve_first_round, solve_last_round,
+        },
+    };
+
+    #[test]
+    fn two_rounds_do_all_iterations_with_halos_of_like_width() {
+        for iterations in [0, 1, 5, 8, 20, 100] {
+            let options = SolverOptions {
+                iterations,
+                ..SolverOptions::new(0.1)
+            };
+            let [first, last] = options.two_rounds();
+            assert_eq!(first.iterations.start, 0);
+            assert_eq!(first.iterations.end, last.iterations.start);
+            assert_eq!(last.iterations.end, iterations);
+            let halos = [&first, &last].map(|round| round.halo(&options));
+            if iterations >= 20 {
+                assert!((halos[0] - halos[1]).abs() <= options.reach_of_an_iteration());
+                assert!(halos[0] < 0.6 * options.halo());
+            }
+        }
+    }
+
+    const QUANTIZATION: Quantization = Quantization {
+        scale: 1e-4,
+        offset: [0.0; 3],
+    };
+
+    /// Points of a wavy floor with a gap and a wall, and of leaves over it, on 6 × 2.
+    fn points() -> Vec<Stored> {
+        let unit = |k: u64| spread(k) as f64 / u64::MAX as f64;
+        let point = |k: u64| {
+            let [x, y, z] = [0, 1, 2].map(|axis| unit(3 * k + axis));
+            let (x, y) = (6.0 * x, 2.0 * y);
+            match k % 10 {
+                0..6 => Local::new(x, y, 0.1 * (2.0 * x).sin() + 0.002 * z),
+                6..8 => Local::new(x, 1.0 + 0.002 * y, z),
+                _ => Local::new(x, 0.5 * y, 0.5 + 0.5 * z),
+            }
+        };
+        let is_scanned = |p: &Local| (p.x - 2.0).abs() > 0.1 || p.z > 0.3;
+        let points = (0..60_000).map(point).filter(is_scanned);
+        points.filter_map(|p| QUANTIZATION.stored(p)).collect()
+    }
+
+    fn region(from: i64, to: i64, halo: f64) -> TileRegion {
+        let core = Rect {
+            min: [from, -10_000],
+            max: [to, 30_000],
+        };
+        TileRegion {
+            core,
+            available: core.grown(QUANTIZATION.units(halo)),
+            band: QUANTIZATION.units(0.2),
+        }
+    }
+
+    /// The first round on the whole cloud, and on three tiles, each of which then does the last
+    /// round by what its neighbours have left.
+    #[test]
+    fn two_rounds_end_in_the_bits_of_one() {
+        let points = points();
+        let cases = [
+            (Acceleration::Relaxation, 12),
+            (Acceleration::Relaxation, 2),
+            (Acceleration::None, 8),
+            (Acceleration::None, 0),
+        ];
+        for (acceleration, iterations) in cases {
+            let options = SolverOptions {
+                acceleration,
+                iterations,
+                ..SolverOptions::new(0.06)
+            };
+            let scan_of = |available: &Rect| {
+                let points = points.iter().copied().filter(|&p| available.contains(p));
+                Scan::new(points.collect(), QUANTIZATION, &options)
+            };
+            let whole = region(-10_000, 70_000, 0.0);
+            let scan = scan_of(&whole.available);
+            let expected = solve(&scan, &whole, &options);
+            assert!(expected.sites.iter().any(|site| site.is_fixed));
+            assert!(!scan.filling().is_empty());
+
+            let [first, last] = options.two_rounds();
+            let halo = first.halo(&options).max(last.halo(&options));
+            let cuts = [-10_000, 17_000, 41_000, 70_000];
+            let regions: Vec<TileRegion> = cuts
+                .windows(2)
+                .map(|cut| region(cut[0], cut[1], halo))
+                .collect();
+            let go_on = |_: f64| ControlFlow::Continue(());
+            let (mut states, mut filling) = (Vec::new(), Vec::new());
+            for region in &regions {
+                let scan = scan_of(&region.available);
+                let started = solve_first_round(&scan, region, &options, &go_on).unwrap();
+                states.extend(started.states);
+                let own = scan.filling().iter().filter(|&&p| region.core.contains(p));
+                filling.extend(own);
+            }
+            // What is not written is made again.
+            let states = postcard::to_stdvec(&states).unwrap();
+            let mut sites = Vec::new();
+            for region in &regions {
+                let mut known: Vec<SiteState> = postcard::from_bytes(&states).unwrap();
+                known.retain(|state| region.available.contains(state.identity));
+                let places = known.iter().map(|state| (state.identity, state.position));
+                let mut resumed = ResumedSites::new(places.collect(), options.spacing);
+                resumed.add(known);
+                let in_reach = |p: &Stored| region.available.contains(*p);
+                let scan = Scan::filled_with(
+                    filling.iter().copied().filter(in_reach).collect(),
+                    points
+                        .iter()
+                        .copied()
+                        .filter(in_reach)
+                        .collect::<Vec<_>>()
+                        .into(),
+                    QUANTIZATION,
+                    &options,
+                );
+                let solution = solve_last_round(&scan, region, &options, resumed, &go_on).unwrap();
+                let own = solution.sites.into_iter();
+                sites.extend(own.filter(|site| region.core.contains(site.identity)));
+            }
+            sites.sort_unstable_by_key(|site| site.identity);
+            assert_eq!(sites.len(), expected.sites.len());
+            for (site, expected) in sites.iter().zip(&expected.sites) {
+                assert_eq!(site.identity, expected.identity);
+                assert_eq!(site.position, expected.position);
+                assert_eq!(site.area.to_bits(), expected.area.to_bits());
+                assert_eq!(site.nearest, expected.nearest);
+            }
+        }
+    }
+}
