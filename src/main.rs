@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    lloydar::cli::main()
+    lloydar::cli::run_process(std::env::args_os()).into()
 }

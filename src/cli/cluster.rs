@@ -11,7 +11,7 @@ use super::{
     allocator,
     exit::DONE,
     printing::result,
-    running::run_and_report,
+    running::run_and_print,
     scans::{ProgressFlags, Scans},
     signals::{CANCEL, stop_on_signals},
     terminal::{Terminal, duration},
@@ -131,7 +131,7 @@ pub(super) fn stitch(
     let resources = &mut job.settings.resources;
     resources.threads = worker.threads;
     resources.memory = resources.memory.max(memory.map(|bytes| bytes.0));
-    run_and_report(&job, shared.progress.display())
+    run_and_print(&job, shared.progress.display())
 }
 
 /// Prints the progress of a job.

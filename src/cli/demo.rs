@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::{
     printing::result,
-    running::{run_and_report, with_ending},
+    running::{run_and_print, with_ending},
     simulating::write_street,
     terminal::Display,
 };
@@ -49,7 +49,7 @@ pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
         skip_bad_files: false,
         restart: false,
     };
-    let code = run_and_report(&job, Display::choose(false, false))?;
+    let code = run_and_print(&job, Display::choose(false, false))?;
     if let Ok(page) = std::path::absolute(page) {
         result!("\nsee it:   file://{}", page.display());
     }

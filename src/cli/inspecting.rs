@@ -32,7 +32,7 @@ pub(super) fn print_info(files: &[PathBuf], json: bool) -> Result<u8, JobError> 
 }
 
 /// Returns the header of a file as JSON.
-fn as_json(input: &InputFile) -> serde_json::Value {
+pub(super) fn as_json(input: &InputFile) -> serde_json::Value {
     let extra = input.extra_bytes.iter().map(|extra| {
         let (name, bytes) = (&extra.name, extra.length);
         serde_json::json!({ "name": name, "bytes": bytes })

@@ -36,23 +36,8 @@ pub(super) struct MeasureArguments {
 
 /// Measures a cloud and prints its figures.
 pub(super) fn print_measured(arguments: &MeasureArguments) -> Result<u8, JobError> {
-    let MeasureArguments {
-        files,
-        against,
-        truth,
-        memory,
-        json,
-    } = arguments;
-    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let memory = memory.map(|bytes| bytes.0);
-    let mut measured = measure(files, against, &std::env::temp_dir(), memory, threads)?;
-    if let Some(dir) = truth {
-        let street = simulating::street_in(dir)?;
-        let distance = |position| street.distance_to_surface(position);
-        let figures = measure_against_surface(files, measured.spacing, distance)?;
-        measured.truth = Some(figures);
-    }
-    if *json {
+    let measured = measured(arguments)?;
+    if arguments.json {
         result!(
             "{}",
             serde_json::to_string_pretty(&measured).unwrap_or_default()
@@ -63,6 +48,22 @@ pub(super) fn print_measured(arguments: &MeasureArguments) -> Result<u8, JobErro
         result!("{name:<32} {value}");
     }
     Ok(DONE)
+}
+
+/// Measures a cloud.
+pub(super) fn measured(arguments: &MeasureArguments) -> Result<Measured, JobError> {
+    let files = &arguments.files;
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let memory = arguments.memory.map(|bytes| bytes.0);
+    let temporary = std::env::temp_dir();
+    let mut measured = measure(files, &arguments.against, &temporary, memory, threads)?;
+    if let Some(dir) = &arguments.truth {
+        let street = simulating::street_in(dir)?;
+        let distance = |position| street.distance_to_surface(position);
+        let figures = measure_against_surface(files, measured.spacing, distance)?;
+        measured.truth = Some(figures);
+    }
+    Ok(measured)
 }
 
 /// Returns names and values of all figures.

@@ -2,10 +2,12 @@
 //!
 //! `arguments` has the commands as typed; `dispatch` says which file carries out
 //! which. Results go to standard output (`printing`), progress to standard error
-//! (`terminal`); exit codes stand in `exit`.
+//! (`terminal`); exit codes stand in `exit`. Packages for other languages call the commands
+//! without a terminal ([`call`]).
 
 mod allocator;
 mod arguments;
+mod calling;
 mod cluster;
 mod configuration;
 mod demo;
@@ -24,7 +26,7 @@ mod simulating;
 mod slurm;
 mod terminal;
 
-use std::{ffi::OsString, process::ExitCode};
+use std::{ffi::OsString, sync::Once};
 
 use clap::Parser;
 
@@ -32,17 +34,15 @@ use crate::job::JobError;
 use arguments::{Arguments, Command};
 use printing::say;
 
-/// Runs the program with the arguments of the process.
-pub fn main() -> ExitCode {
-    allocator::own_process();
-    run(std::env::args_os())
-}
+pub use calling::call;
 
-/// Runs the program with `arguments`, the first of which is its name, and returns its exit code.
+/// Runs the program as the only work of this process, with `arguments`, the first of which is its
+/// name, and returns its exit code.
 ///
 /// A second Ctrl-C ends the process, and so does the first if the work does not stop within a
 /// second.
-pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+pub fn run_process(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    allocator::own_process();
     report_no_panics_of_decoders();
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
@@ -50,15 +50,15 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
             // Help and version are "errors" that go to standard output, with exit code 0. What
             // cannot be printed cannot be reported either.
             drop(error.print());
-            return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(exit::USAGE));
+            return u8::try_from(error.exit_code()).unwrap_or(exit::USAGE);
         }
     };
     match dispatch(arguments.command) {
-        Ok(_) if !printing::is_complete() => ExitCode::from(exit::FAILED),
-        Ok(code) => ExitCode::from(code),
+        Ok(_) if !printing::is_complete() => exit::FAILED,
+        Ok(code) => code,
         Err(error) => {
             say!("lloydar: {error}");
-            ExitCode::from(exit::code_of(&error))
+            exit::code_of(&error)
         }
     }
 }
@@ -66,12 +66,15 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 /// Panics of decoders on damaged files become errors with the name of the file; their own
 /// messages would only confuse.
 fn report_no_panics_of_decoders() {
-    let report = std::panic::take_hook();
-    std::panic::set_hook(Box::new(move |panic| {
-        if !crate::las::is_decoding() {
-            report(panic);
-        }
-    }));
+    static HOOK: Once = Once::new();
+    HOOK.call_once(|| {
+        let report = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |panic| {
+            if !crate::las::is_decoding() {
+                report(panic);
+            }
+        }));
+    });
 }
 
 /// Carries out `command` and returns the exit code.

@@ -1,6 +1,9 @@
 //! `run` and `plan`: one job by one process.
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    sync::atomic::AtomicBool,
+};
 
 use super::{
     exit::{DONE, INCOMPLETE},
@@ -11,7 +14,7 @@ use super::{
     terminal::{Display, Terminal},
 };
 use crate::{
-    job::{InputCount, JobDescription, JobError, JobPlan, write_file},
+    job::{InputCount, JobDescription, JobError, JobPlan, Progress, write_file},
     report::{REPORT_PAGE, Report, VIEWER_PAGE, thousands},
 };
 
@@ -21,37 +24,61 @@ pub(super) fn run_job(scans: &Scans, output: &Path, restart: bool) -> Result<u8,
         restart,
         ..scans.job(output)?
     };
-    run_and_report(&job, scans.display())
+    run_and_print(&job, scans.display())
 }
 
 /// Does `job`, writes its report beside the output, and prints a summary.
-pub(super) fn run_and_report(job: &JobDescription, display: Display) -> Result<u8, JobError> {
+pub(super) fn run_and_print(job: &JobDescription, display: Display) -> Result<u8, JobError> {
     stop_on_signals();
-    let mut summary = String::new();
-    let outcome = job.run_and_report(&Terminal::new(display), &CANCEL, |outcome| {
-        let output = job.output.display().to_string();
-        let report = Report::new(outcome, &output, settings(job), length_unit(job));
-        summary = report.summary();
-        let pages = write_report(job, &report)?;
-        for (name, path) in ["report", "viewer"].iter().zip(pages) {
-            summary += &format!("{name:<9} {path}\n");
-        }
-        Ok(())
-    })?;
-    let Some(outcome) = outcome else {
+    let Some(done) = run_and_report(job, &Terminal::new(display), &CANCEL)? else {
         if display != Display::Nothing {
             result!("{} is complete already", job.output.display());
         }
         return Ok(DONE);
     };
     if display != Display::Nothing {
+        let mut summary = done.report.summary();
+        for (name, path) in ["report", "viewer"].iter().zip(&done.pages) {
+            summary += &format!("{name:<9} {path}\n");
+        }
         result!("{}", summary.trim_end());
     }
-    let is_complete = |input: &InputCount| input.rejected == 0 && input.left_out.is_none();
-    Ok(match outcome.inputs.iter().all(is_complete) {
+    Ok(match done.is_complete {
         true => DONE,
         false => INCOMPLETE,
     })
+}
+
+/// A job that is done.
+pub(super) struct Done {
+    /// All figures.
+    pub(super) report: Report,
+    /// The names of the pages that were written beside the output.
+    pages: Vec<String>,
+    /// Whether every point of every input took part, unless the options exclude it.
+    is_complete: bool,
+}
+
+/// Does `job` until it is done or `cancel` is set, and writes its report beside the output. Returns
+/// `None` if an earlier run had delivered the output.
+pub(super) fn run_and_report(
+    job: &JobDescription,
+    progress: &dyn Progress,
+    cancel: &AtomicBool,
+) -> Result<Option<Done>, JobError> {
+    let mut done = None;
+    let is_complete = |input: &InputCount| input.rejected == 0 && input.left_out.is_none();
+    job.run_and_report(progress, cancel, |outcome| {
+        let output = job.output.display().to_string();
+        let report = Report::new(outcome, &output, settings(job), length_unit(job));
+        done = Some(Done {
+            pages: write_report(job, &report)?,
+            report,
+            is_complete: outcome.inputs.iter().all(is_complete),
+        });
+        Ok(())
+    })?;
+    Ok(done)
 }
 
 /// Returns the job's settings: names, and values as JSON.
@@ -70,6 +97,9 @@ pub(super) fn with_ending(path: &Path, ending: &str) -> PathBuf {
     name.into()
 }
 
+/// The ending that the name of an output gets for its figures in JSON.
+pub(super) const REPORT_FIGURES: &str = ".report.json";
+
 /// Writes the report and the viewer beside the output, each complete or not at all. Returns
 /// the names of the pages.
 fn write_report(job: &JobDescription, report: &Report) -> Result<Vec<String>, JobError> {
@@ -77,7 +107,7 @@ fn write_report(job: &JobDescription, report: &Report) -> Result<Vec<String>, Jo
         let path = with_ending(&job.output, ending);
         write_file(&path, text.as_bytes()).map(|()| path.display().to_string())
     };
-    write(".report.json", &report.to_json())?;
+    write(REPORT_FIGURES, &report.to_json())?;
     let mut pages = vec![write(REPORT_PAGE, &report.to_html())?];
     if let Some(viewer) = report.to_viewer() {
         pages.push(write(VIEWER_PAGE, &viewer)?);
@@ -104,6 +134,7 @@ pub(super) fn plan_job(scans: &Scans, output: &Path, json: bool) -> Result<u8, J
 fn print_plan(plan: &JobPlan, unit: &str) {
     let mebibytes = |bytes: u64| format!("{} MiB", thousands(bytes >> 20));
     let length = |length: f64| format!("{} {unit}", rounded(length, plan.quantization.scale));
+    let tiles = thousands(plan.plan.tiles.len() as u64);
     let rows = [
         ("points in", thousands(plan.points)),
         (
@@ -111,7 +142,13 @@ fn print_plan(plan: &JobPlan, unit: &str) {
             format!("approx. {}", thousands(plan.points_out)),
         ),
         ("spacing", format!("{:.4} {unit}", plan.spacing)),
-        ("tiles", thousands(plan.plan.tiles.len() as u64)),
+        (
+            "tiles",
+            match plan.has_two_rounds {
+                true => format!("{tiles}, in two rounds"),
+                false => tiles,
+            },
+        ),
         ("halo", length(plan.halo)),
         (
             "peak memory",

@@ -34,8 +34,21 @@ pub(super) struct Simulation {
     seed: u64,
 }
 
-/// Simulates a street, and writes its scans and its description into the directory `output`.
+/// Simulates a street, writes its scans and its description into the directory `output`, and prints
+/// the scans.
 pub(super) fn simulate(simulation: &Simulation, output: &Path) -> Result<u8, JobError> {
+    for (path, points) in write_simulation(simulation, output)? {
+        result!("{} points: {}", thousands(points), path.display());
+    }
+    Ok(DONE)
+}
+
+/// Simulates a street, and writes its scans and its description into the directory `output`. Returns
+/// the scans with their numbers of points.
+pub(super) fn write_simulation(
+    simulation: &Simulation,
+    output: &Path,
+) -> Result<Vec<(PathBuf, u64)>, JobError> {
     // Written so that NaN is refused.
     let is_street = (20.0..=1e6).contains(&simulation.length)
         && (1..=100).contains(&simulation.passes)
@@ -53,9 +66,7 @@ pub(super) fn simulate(simulation: &Simulation, output: &Path) -> Result<u8, Job
         noise: simulation.noise,
         seed: simulation.seed,
     });
-    for (path, points) in write_street(&street, output)? {
-        result!("{} points: {}", thousands(points), path.display());
-    }
+    let scans = write_street(&street, output)?;
     let path = output.join(STREET_FILE);
     let text = serde_json::to_string_pretty(street.options()).unwrap_or_default();
     std::fs::write(&path, text).map_err(|source| JobError::Io {
@@ -63,7 +74,7 @@ pub(super) fn simulate(simulation: &Simulation, output: &Path) -> Result<u8, Job
         path: path.display().to_string(),
         source,
     })?;
-    Ok(DONE)
+    Ok(scans)
 }
 
 /// The name of the file beside the scans that describes their street.

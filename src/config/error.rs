@@ -39,6 +39,9 @@ pub enum ConfigError {
         /// What is wrong with it.
         problem: String,
     },
+    /// The words of a command cannot be read; the text says which, and what was expected.
+    #[error("{0}")]
+    Words(String),
     /// Not exactly one of `--spacing`, `--count` and `--ratio` is given.
     #[error("give one of --spacing, --count and --ratio ({given} given)")]
     Target {
