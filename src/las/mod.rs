@@ -26,16 +26,29 @@ pub(crate) use format::{
     record_format::RecordFormat,
 };
 pub(crate) use read::{
-    arguments::expand_inputs, guard::is_decoding, input::InputFile, point_filter::PointFilter,
-    polygon_filter::PolygonFilter, stream::PointStream,
+    arguments::expand_inputs,
+    guard::is_decoding,
+    input::InputFile,
+    point_filter::PointFilter,
+    polygon_filter::PolygonFilter,
+    stream::PointStream,
+    trajectory::{Waypoint, read_trajectory},
 };
 pub use read::{
     counts::PointCounts,
     ply::{PlyFile, PlyStream},
 };
+pub(crate) use write::mesh::{
+    format::MeshFormat,
+    header::{MeshHeader, MeshVertex},
+    tile_directory::MeshTileDirectory,
+    tileset::{MeshTile, Tileset, mesh_tile_name},
+    writer::{CompleteMesh, MeshWriter},
+};
 pub(crate) use write::{
     cloud::{CloudHeader, Workspace},
     output_format::Format,
+    squares::Squares,
     store::{RecordSorter, SortedRecords, SortingSpace, StoreError},
     writer::{CloudWriter, CompleteCloud},
 };

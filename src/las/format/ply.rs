@@ -5,11 +5,38 @@ use super::extra_bytes::ExtraAttribute;
 
 /// The beginning of a comment that states the coordinate reference system, as WKT.
 pub(in crate::las) const CRS_COMMENT: &str = "crs ";
+/// The beginning of a comment that continues the last one about the coordinate reference system.
+pub(in crate::las) const CRS_CONTINUED: &str = "crs+ ";
+/// The most bytes of a line with a part of the coordinate reference system: programs that read PLY by the library `RPly`
+/// refuse lines of more than 1023.
+const LONGEST_CRS_PART: usize = 900;
 /// The beginning of a comment that describes an extra-bytes attribute: the 192 bytes of its
 /// LAS descriptor in hexadecimal digits.
 pub(in crate::las) const EXTRA_BYTES_COMMENT: &str = "extra bytes ";
 /// The comment that says that GPS times are adjusted standard times.
 pub(in crate::las) const STANDARD_TIME_COMMENT: &str = "gps time is adjusted standard time";
+
+/// The lines of a header that state a coordinate reference system, by its WKT.
+pub(in crate::las) fn crs_lines(wkt: &str) -> String {
+    let words: Vec<&str> = wkt.split_whitespace().collect();
+    let (line, mut text) = (words.join(" "), String::new());
+    let (mut rest, mut beginning) = (line.as_str(), CRS_COMMENT);
+    while !rest.is_empty() {
+        // Spaces at the end of a line would be lost.
+        let is_whole = |&at: &usize| {
+            at == rest.len()
+                || rest.is_char_boundary(at)
+                    && !rest[..at].ends_with(' ')
+                    && !rest[at..].starts_with(' ')
+        };
+        let longest = rest.len().min(LONGEST_CRS_PART);
+        let at = (1..=longest).rev().find(is_whole).unwrap_or(rest.len());
+        text += &format!("comment {beginning}{}\n", &rest[..at]);
+        rest = &rest[at..];
+        beginning = CRS_CONTINUED;
+    }
+    text
+}
 
 /// The encoding of the elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,6 +177,24 @@ pub(in crate::las) fn attribute_of_digits(digits: &str) -> Option<ExtraAttribute
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_long_crs_is_stated_in_lines_that_every_reader_takes() {
+        let wkt = format!("COMPD_CS[\"{}\"]", "Höhe über NHN ".repeat(200));
+        let lines = crs_lines(&wkt);
+        assert!(lines.lines().count() > 2);
+        assert!(
+            lines
+                .lines()
+                .all(|line| line.len() < 1000 && line.trim() == line)
+        );
+        let parts = lines.lines().map(|line| {
+            let comment = line.strip_prefix("comment ").unwrap();
+            let first = comment.strip_prefix(CRS_COMMENT);
+            first.or(comment.strip_prefix(CRS_CONTINUED)).unwrap()
+        });
+        assert_eq!(parts.collect::<String>(), wkt);
+    }
 
     #[test]
     fn integers_keep_their_sign() {

@@ -72,6 +72,13 @@ impl<B: AsRef<[u8]>> RecordView<B> {
         [0, 1, 2].map(|channel| self.word(COLOR[channel].start))
     }
 
+    /// The value of an extra-bytes attribute.
+    #[inline]
+    pub(crate) fn real(&self, attribute: RealAttribute) -> f32 {
+        let bytes = &self.0.as_ref()[attribute.offset()..attribute.offset() + 4];
+        f32::from_le_bytes(bytes.try_into().expect("a real is four bytes long"))
+    }
+
     /// The value of a field that can be averaged; the record's format has to have it
     /// (see [`AveragedField::of_format`]).
     #[inline]

@@ -23,4 +23,5 @@ pub(super) mod polygon_filter;
 mod run_format;
 pub(super) mod stream;
 mod survey;
+pub(super) mod trajectory;
 mod vertex_survey;

@@ -12,8 +12,8 @@ use crate::las::{
         crs::Crs,
         extra_bytes::ExtraAttribute,
         ply::{
-            CRS_COMMENT, EXTRA_BYTES_COMMENT, Element, Encoding, STANDARD_TIME_COMMENT, Scalar,
-            attribute_of_digits,
+            CRS_COMMENT, CRS_CONTINUED, EXTRA_BYTES_COMMENT, Element, Encoding,
+            STANDARD_TIME_COMMENT, Scalar, attribute_of_digits,
         },
     },
 };
@@ -144,6 +144,11 @@ impl Statements {
         self.has_standard_time |= comment == STANDARD_TIME_COMMENT;
         if let Some(wkt) = comment.strip_prefix(CRS_COMMENT) {
             self.crs = Some(Crs::Wkt(wkt.trim().to_owned()));
+        }
+        if let (Some(more), Some(Crs::Wkt(wkt))) =
+            (comment.strip_prefix(CRS_CONTINUED), &mut self.crs)
+        {
+            wkt.push_str(more.trim());
         }
         let described = comment.strip_prefix(EXTRA_BYTES_COMMENT);
         self.described

@@ -20,7 +20,7 @@ use crate::{
         error::LasError,
         format::{
             crs::Crs,
-            ply::{CRS_COMMENT, EXTRA_BYTES_COMMENT, STANDARD_TIME_COMMENT, descriptor_digits},
+            ply::{EXTRA_BYTES_COMMENT, STANDARD_TIME_COMMENT, crs_lines, descriptor_digits},
             vertex_properties::VertexProperty,
         },
     },
@@ -71,8 +71,7 @@ fn padded_count(points: u64) -> String {
 fn ply_header(header: &CloudHeader, properties: &[VertexProperty]) -> (String, u64) {
     let mut text = String::from("ply\nformat binary_little_endian 1.0\ncomment lloydar\n");
     if let Some(wkt) = header.crs.as_ref().and_then(Crs::wkt) {
-        let line: Vec<&str> = wkt.split_whitespace().collect();
-        text += &format!("comment {CRS_COMMENT}{}\n", line.join(" "));
+        text += &crs_lines(&wkt);
     }
     if header.has_standard_time {
         text += &format!("comment {STANDARD_TIME_COMMENT}\n");

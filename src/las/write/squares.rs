@@ -12,7 +12,7 @@ use crate::{
 };
 
 /// Equal squares of the plane, for points on a quantization.
-pub(super) struct Squares {
+pub(crate) struct Squares {
     /// The edge of a square (CRS units).
     edge: f64,
     scale: f64,
@@ -21,7 +21,7 @@ pub(super) struct Squares {
 
 impl Squares {
     /// Squares with this `edge` (CRS units) for points on `quantization`.
-    pub(super) fn new(edge: f64, quantization: &Quantization) -> Self {
+    pub(crate) fn new(edge: f64, quantization: &Quantization) -> Self {
         Self {
             edge,
             scale: quantization.scale,
@@ -37,7 +37,7 @@ impl Squares {
     }
 
     /// The square with this index, in stored units.
-    pub(super) fn rect(&self, square: [i64; 2]) -> Rect {
+    pub(crate) fn rect(&self, square: [i64; 2]) -> Rect {
         Rect {
             min: [self.side(square[0], 0), self.side(square[1], 1)],
             max: [self.side(square[0] + 1, 0), self.side(square[1] + 1, 1)],
@@ -64,16 +64,21 @@ impl Squares {
         let Bounds { min, max } = points.bounds();
         let mut found = BTreeSet::new();
         for (rect, _) in points.squares() {
-            let range = |axis: usize| {
-                let first = rect.min[axis].max(min[axis].into());
-                let last = (rect.max[axis] - 1).min(max[axis].into());
-                self.index(first, axis)..=self.index(last, axis)
+            let with_points = Rect {
+                min: [0, 1].map(|axis| rect.min[axis].max(min[axis].into())),
+                max: [0, 1].map(|axis| rect.max[axis].min(i64::from(max[axis]) + 1)),
             };
-            for y in range(1) {
-                found.extend(range(0).map(|x| (y, x)));
-            }
+            found.extend(self.touched_by(&with_points).map(|[x, y]| (y, x)));
         }
         found.into_iter().map(|(y, x)| [x, y]).collect()
+    }
+
+    /// The indices of the squares that `rect` touches.
+    pub(crate) fn touched_by(&self, rect: &Rect) -> impl Iterator<Item = [i64; 2]> {
+        let range =
+            |axis: usize| self.index(rect.min[axis], axis)..=self.index(rect.max[axis] - 1, axis);
+        let columns = range(0);
+        range(1).flat_map(move |y| columns.clone().map(move |x| [x, y]))
     }
 
     /// The south-west corner of a square (CRS units).
