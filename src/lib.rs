@@ -27,7 +27,7 @@
 //! # The story of the data
 //!
 //! ```text
-//!   survey ─► scatter ─► plan ─► solve (each tile alone) ─► stitch ─► write ─► report
+//!   survey ─► scatter ─► plan ─► solve (each tile alone) ─► stitch ─► write (─► mesh) ─► report
 //! ```
 //!
 //! A **survey** reads headers only, and puts the run on one scale and offset, its *quantization*. **Scatter**
@@ -45,7 +45,8 @@
 //! tiles do the first iterations before any does the rest, and each needs to see less around it. The
 //! **stitch** joins the tiles by identity, each seed once, and there is no seam to be found. Each point takes
 //! all its attributes from the nearest point of the scan, and is **written** once, to a file that is complete
-//! under its name or not there. The **report** says how uniform, how faithful and how seamless the result is
+//! under its name or not there. If a **mesh** is asked for, the triangles between the points are found (`mesh`) and written,
+//! too. The **report** says how uniform, how faithful and how seamless the result is
 //! (`quality`).
 //!
 //! `job` runs the stages within threads and memory, and continues where an earlier run stopped; `config` has
@@ -81,6 +82,7 @@ mod job;
 #[cfg(feature = "formats")]
 mod las;
 mod lloyd;
+mod mesh;
 #[cfg(feature = "formats")]
 mod picture;
 mod quality;

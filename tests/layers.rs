@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use crate::sources::{Module, Sources};
 
 /// The modules, the lowest first: each may use those before it.
-const LAYERS: [&str; 17] = [
+const LAYERS: [&str; 18] = [
     // Numbers.
     "geometry",
     "quality",
     "lloyd",
+    "mesh",
     "tiling",
     "spacing",
     "resample",

@@ -307,7 +307,10 @@ fn a_tile_that_sees_enough_has_the_bits_of_the_whole() {
             min: [from, -10],
             max: [to, 2_000_010],
         };
-        let known = core.grown(halo);
+        let known = Rect {
+            min: core.min.map(|c| c - halo),
+            max: core.max.map(|c| c + halo),
+        };
         let seen: Vec<Stored> = sheet(400_000)
             .into_iter()
             .filter(|&p| known.contains(p))

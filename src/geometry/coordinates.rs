@@ -183,7 +183,7 @@ impl Rect {
     }
 
     /// Grown by `margin` (stored units) on every side.
-    pub fn grown(&self, margin: i64) -> Self {
+    pub(crate) fn grown(&self, margin: i64) -> Self {
         Self {
             min: self.min.map(|c| c - margin),
             max: self.max.map(|c| c + margin),

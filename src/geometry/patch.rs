@@ -55,6 +55,21 @@ const LARGEST_RESIDUAL_IN_DETAILS: f64 = 0.15;
 const LEAST_ROUNDNESS: f64 = 0.2;
 
 impl Patch {
+    /// The plane through `origin` with this unit `normal`.
+    pub(crate) fn plane(origin: Local, normal: Local) -> Self {
+        // The axis that is farthest from the normal is across it.
+        let along = Local::ith_axis(normal.iamin()).into_inner();
+        let first = along.cross(&normal).normalize();
+        Self {
+            origin,
+            axes: [first, normal.cross(&first), normal],
+            heights: Heights::default(),
+            residual: 0.0,
+            roundness: 1.0,
+            support: 0,
+        }
+    }
+
     /// Whether the patch describes its neighbourhood well enough to stand for a
     /// surface with details as small as `detail` (CRS units). A patch through leaves, clutter,
     /// two sheets or a wire does not.

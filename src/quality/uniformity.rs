@@ -145,7 +145,7 @@ impl UniformityTally {
     }
 
     /// Adds a site that has no neighbour within the search radius.
-    pub fn push_alone(&mut self) {
+    pub(crate) fn push_alone(&mut self) {
         self.alone += 1;
     }
 

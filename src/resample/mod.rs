@@ -145,6 +145,7 @@ where
         uniformity: uniformity(&sites, solver.spacing).figures(),
         spacing: solver.spacing,
         rings,
+        quantization,
     };
     reach(1.0)?;
     Ok(resampled)

@@ -1,6 +1,11 @@
 //! What comes out: even points, and what is known of each.
 
-use crate::{lloyd::Rings, quality::Uniformity};
+use crate::{
+    geometry::{Local, Quantization},
+    lloyd::Rings,
+    mesh::{MeshPoint, mesh_of_whole},
+    quality::Uniformity,
+};
 
 /// An even cloud, in the unit of the input. All vectors have one entry for each output point, in the same
 /// order.
@@ -25,6 +30,8 @@ pub struct Resampled {
     /// The spacing of the output: the requested one, or the one found for a count or a ratio.
     pub spacing: f64,
     pub(super) rings: Rings,
+    /// The grid on which the positions are told apart.
+    pub(super) quantization: Quantization,
 }
 
 /// The neighbours of an output point, in their order around it.
@@ -52,4 +59,44 @@ impl Resampled {
             is_closed: ring.is_closed,
         }
     }
+
+    /// The triangles between the output points, by their indices: a mesh of the surfaces, without a seam.
+    ///
+    /// No edge has more than two triangles. Holes that are narrower than a few spacings are closed, borders are
+    /// open, and points where the input describes no surface have no triangles. The corners of a triangle
+    /// run counter-clockwise as seen from its side: upwards, or outwards where a component of the mesh encloses a
+    /// volume. It is the mesh that a `Job` writes for the same points.
+    ///
+    /// They are found at each call, in a few percent of the time that [`resample`](crate::resample) took.
+    ///
+    /// ```
+    /// let scan: Vec<[f64; 3]> = (0..40_000)
+    ///     .map(|i| [(i % 200) as f64 * 0.01, (i / 200) as f64 * 0.01, 0.0])
+    ///     .collect();
+    /// let even = lloydar::resample(&scan, &lloydar::Options::with_spacing(0.1))?;
+    ///
+    /// let triangles = even.triangles();
+    /// assert!(triangles.len() > even.points.len());
+    /// assert!(triangles.iter().flatten().all(|&corner| (corner as usize) < even.points.len()));
+    /// # Ok::<(), lloydar::ResampleError>(())
+    /// ```
+    pub fn triangles(&self) -> Vec<[u32; 3]> {
+        let all = self.points.iter().zip(&self.normals);
+        let points = (0..).zip(all).filter_map(|(index, (&point, &normal))| {
+            Some(MeshPoint {
+                point: self.quantization.quantise(point)?,
+                // As a file has it.
+                normal: has_direction(normal)
+                    .then(|| Local::from(normal.map(|component| f64::from(component as f32)))),
+                scanner: None,
+                index,
+                home: 0,
+            })
+        });
+        mesh_of_whole(points.collect(), &self.quantization, self.spacing).0
+    }
+}
+
+fn has_direction(normal: [f64; 3]) -> bool {
+    normal.iter().all(|component| component.is_finite())
 }

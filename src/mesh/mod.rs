@@ -1,0 +1,83 @@
+//! Triangles between even points: a mesh of the surfaces that the points lie on.
+//!
+//! ```text
+//!   points, normals ─► stars ─► agreement ─► holes ─► triangles ─► sides ─► oriented triangles
+//! ```
+//!
+//! The **star** of a point are the triangles that its Voronoi cell on the surface names: one for each corner
+//! of the cell, with the two neighbours that meet there. On a smooth surface the stars of the three points
+//! name the same triangle, and together they are the restricted Delaunay triangulation. Where they differ,
+//! **agreement** chooses, so that no two triangles overlap and no edge has more than two. **Holes** that
+//! are narrower than a few spacings are closed; wider ones are borders. **Sides** turns the triangles of
+//! a component the same way around.
+//!
+//! Every decision is made from what lies within [`REACH_IN_SPACINGS`] of it, in an order that the positions
+//! give. So the mesh of a part of a cloud is that of the whole cloud, away from the borders of the part.
+//! Points without a normal, as those on wires and leaves, have no triangles.
+
+mod agreement;
+mod component;
+mod edges;
+mod figures;
+mod holes;
+mod part;
+mod sides;
+mod stars;
+#[cfg(test)]
+mod tests;
+mod triangle;
+mod viewpoints;
+
+pub(crate) use figures::MeshFigures;
+pub(crate) use part::{MeshPoint, MeshedPart, PartCorner, PartTriangle};
+pub(crate) use sides::{SettledSides, Sides};
+pub(crate) use viewpoints::Viewpoints;
+
+use crate::geometry::{Local, Quantization};
+
+/// A triangle by the indices of its corners.
+pub(crate) type Corners = [u32; 3];
+
+/// Whatever is decided depends on nothing farther away than this, in spacings.
+pub(crate) const REACH_IN_SPACINGS: f64 =
+    stars::REACH + agreement::REACH + holes::REACH + 2.0 * stars::LARGEST_CIRCUMRADIUS;
+
+/// Triangles between `positions`, each with its corners in ascending order; they are not turned
+/// towards a side yet. A point without a normal has no triangle.
+///
+/// `positions` must be sorted in an order that the positions alone give, and be distinct.
+pub(crate) fn triangulate(
+    positions: &[Local],
+    normals: &[Option<Local>],
+    spacing: f64,
+) -> Vec<Corners> {
+    let candidates = stars::candidates(positions, normals, spacing);
+    let mut triangles = agreement::agreed(positions, candidates);
+    holes::close(positions, spacing, &mut triangles);
+    triangles.sort_unstable();
+    triangles
+}
+
+/// The oriented triangles between the points of a cloud that is one part, each with the first of its corners by position
+/// first, in ascending order; and the figures of the mesh.
+pub(crate) fn mesh_of_whole(
+    points: Vec<MeshPoint>,
+    quantization: &Quantization,
+    spacing: f64,
+) -> (Vec<Corners>, MeshFigures) {
+    let mut part = MeshedPart::new(0, points, quantization, spacing);
+    let mut sides = Sides::default();
+    sides.add(&mut part);
+    let MeshedPart {
+        triangles,
+        mut figures,
+        ..
+    } = part;
+    let sides = sides.settle(&mut figures);
+    let mut turned: Vec<Corners> = triangles
+        .into_iter()
+        .filter_map(|triangle| sides.turned(triangle.corners, triangle.component))
+        .collect();
+    turned.sort_unstable();
+    (turned, figures)
+}

@@ -1,0 +1,391 @@
+//! The mesh of a part of a cloud: its own triangles, and how they hang together with those of other parts.
+//!
+//! A part sees its own points and those around it. A triangle is at home where its first corner is; all
+//! triangles with a corner in the part are *known*, and are turned the same way around, component by component.
+//! A known triangle with corners in several parts is known by all of them: by the way in which each of
+//! them turned it, their components are joined.
+
+use rayon::prelude::*;
+
+use super::{
+    Corners,
+    component::Component,
+    edges::{EdgeTable, EdgeTriangles},
+    figures::{AngleClass, MeshFigures},
+    triangle::{doubled_area, least_angle_cosine, opening_cosine, places},
+    triangulate,
+};
+use crate::geometry::{Local, Quantization, Stored};
+
+/// The cosine of the smallest angle between two triangles of a smooth surface. 120°.
+const COSINE_OF_SMOOTH_EDGE: f64 = -0.5;
+
+/// A point of a cloud as the mesh sees it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MeshPoint {
+    /// The position.
+    pub(crate) point: Stored,
+    /// The unit normal, of either side; `None` where the scan describes no surface.
+    pub(crate) normal: Option<Local>,
+    /// The place from which the point was scanned (local coordinates), if it is known.
+    pub(crate) scanner: Option<Local>,
+    /// The index of the point in the whole cloud.
+    pub(crate) index: u32,
+    /// The part in which the point is at home.
+    pub(crate) home: u32,
+}
+
+/// The mesh of a part.
+#[derive(Debug, Default)]
+pub(crate) struct MeshedPart {
+    /// The triangles that are at home in the part, turned as their components are.
+    pub(crate) triangles: Vec<PartTriangle>,
+    /// For each own point that is the corner of a triangle: its index, its component, and whether its normal is on the
+    /// other side of the component.
+    pub(crate) corners: Vec<PartCorner>,
+    /// The components, with the sums over the triangles that are at home here.
+    pub(crate) components: Vec<Component>,
+    /// The triangles that other parts know as well.
+    pub(crate) links: Vec<Link>,
+    /// The sharp edges that are at home here.
+    pub(crate) sharp_edges: Vec<SharpEdge>,
+    /// The counts of what is at home here; components are not counted.
+    pub(crate) figures: MeshFigures,
+}
+
+/// A triangle with the indices of its corners in the whole cloud.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct PartTriangle {
+    /// The corners, the first one at home in the part.
+    pub(crate) corners: Corners,
+    /// The index of its component in the part.
+    pub(crate) component: u32,
+}
+
+/// A corner of triangles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct PartCorner {
+    /// The index of the point in the whole cloud.
+    pub(crate) index: u32,
+    /// The index of its component in the part.
+    pub(crate) component: u32,
+    /// Whether the normal of the point is on the other side of the component.
+    pub(crate) is_behind: bool,
+}
+
+/// A triangle that several parts know.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Link {
+    /// The corners by their indices in the whole cloud, in ascending order.
+    pub(crate) corners: Corners,
+    /// The index of the component in the part.
+    pub(crate) component: u32,
+    /// Whether the part turned the triangle so that its corners run backwards.
+    pub(crate) is_reversed: bool,
+    /// The number of parts that know the triangle: two or three.
+    pub(crate) known_by: u8,
+}
+
+/// An edge at which the surface bends sharply, or at which triangles that hang together otherwise could not be turned the
+/// same way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct SharpEdge {
+    /// Its corners by their indices in the whole cloud, in ascending order.
+    pub(super) edge: [u32; 2],
+    /// The triangles on it.
+    pub(super) sides: [SharpSide; 2],
+    /// The cosine of the angle between them.
+    pub(super) cosine: f32,
+    /// Whether one of the two components must be turned around for the triangles to have the same turn.
+    pub(super) is_reversed: bool,
+}
+
+/// A triangle on a sharp edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct SharpSide {
+    /// The index of its component in the part.
+    pub(super) component: u32,
+    /// The corner opposite to the edge.
+    pub(super) opposite: u32,
+    /// The number of triangles around that corner.
+    pub(super) around_opposite: u8,
+    /// The class of the smallest angle of the triangle.
+    pub(super) angle: AngleClass,
+    /// Whether there is a triangle beyond each of its other edges: that to the first corner of the sharp edge,
+    /// and that to the second.
+    pub(super) has_beyond: [bool; 2],
+}
+
+impl MeshedPart {
+    /// The mesh of the part with this `number` among these `points`, which are at home in it or around it, at `spacing`
+    /// (CRS units).
+    pub(crate) fn new(
+        number: u32,
+        mut points: Vec<MeshPoint>,
+        quantization: &Quantization,
+        spacing: f64,
+    ) -> Self {
+        points.par_sort_unstable_by_key(|point| (point.point, point.index));
+        let own = points.iter().filter(|point| point.home == number).count() as u64;
+        let loose = points
+            .iter()
+            .filter(|p| p.home == number && p.normal.is_none())
+            .count() as u64;
+        // Of several points in one place the first takes part.
+        points.dedup_by_key(|point| point.point);
+        let positions: Vec<Local> = points
+            .iter()
+            .map(|point| quantization.local(point.point))
+            .collect();
+        let normals: Vec<Option<Local>> = points.iter().map(|point| point.normal).collect();
+        let mut known = triangulate(&positions, &normals, spacing);
+        let mut around = vec![0_u8; points.len()];
+        for &corner in known.iter().flatten() {
+            let count = &mut around[corner as usize];
+            *count = count.saturating_add(1);
+        }
+        known.retain(|corners| {
+            corners
+                .iter()
+                .any(|&corner| points[corner as usize].home == number)
+        });
+        let mut part = Turned::new(number, &points, &positions, known).part(&around);
+        part.figures.loose = loose;
+        part.figures.corners = part.corners.len() as u64;
+        part.figures.unused = own - loose - part.figures.corners;
+        part
+    }
+}
+
+/// The triangle beyond a smooth edge, and whether both run through the edge in the same direction.
+type Beyond = Option<(u32, bool)>;
+
+/// Triangles that are turned the same way around, component by component.
+struct Turned<'a> {
+    /// The number of the part.
+    number: u32,
+    points: &'a [MeshPoint],
+    positions: &'a [Local],
+    /// The triangles, each with its corners in ascending order.
+    triangles: Vec<Corners>,
+    edges: EdgeTable,
+    /// For each triangle its component, and whether its corners run backwards.
+    turns: Vec<(u32, bool)>,
+    /// The number of components.
+    components: u32,
+}
+
+impl<'a> Turned<'a> {
+    fn new(
+        number: u32,
+        points: &'a [MeshPoint],
+        positions: &'a [Local],
+        triangles: Vec<Corners>,
+    ) -> Self {
+        let mut turned = Self {
+            number,
+            points,
+            positions,
+            edges: EdgeTable::new(&triangles),
+            turns: vec![(u32::MAX, false); triangles.len()],
+            triangles,
+            components: 0,
+        };
+        let neighbors = turned.neighbors();
+        for first in 0..turned.triangles.len() {
+            if turned.turns[first].0 == u32::MAX {
+                turned.turn_component(first, &neighbors);
+            }
+        }
+        turned
+    }
+
+    /// Turns all triangles as `first` lies that hang together with it without a sharp edge.
+    fn turn_component(&mut self, first: usize, neighbors: &[[Beyond; 3]]) {
+        let component = self.components;
+        self.components += 1;
+        self.turns[first] = (component, false);
+        let mut open = vec![first];
+        while let Some(triangle) = open.pop() {
+            for beyond in neighbors[triangle] {
+                if let Some((other, is_alike)) = beyond
+                    && self.turns[other as usize].0 == u32::MAX
+                {
+                    self.turns[other as usize] = (component, self.turns[triangle].1 ^ is_alike);
+                    open.push(other as usize);
+                }
+            }
+        }
+    }
+
+    /// For each triangle those beyond its smooth edges.
+    fn neighbors(&self) -> Vec<[Beyond; 3]> {
+        let mut neighbors = vec![[None; 3]; self.triangles.len()];
+        for (edge, triangles) in self.edges.all() {
+            if let Some([(one, tip), (other, other_tip)]) = triangles.both()
+                && self.cosine(edge, [tip, other_tip]) <= COSINE_OF_SMOOTH_EDGE
+            {
+                let is_alike = runs_alike(edge, [tip, other_tip]);
+                for (from, to) in [(one, other), (other, one)] {
+                    let free = neighbors[from as usize]
+                        .iter_mut()
+                        .find(|beyond| beyond.is_none());
+                    if let Some(free) = free {
+                        *free = Some((to, is_alike));
+                    }
+                }
+            }
+        }
+        neighbors
+    }
+
+    /// The cosine of the angle between the triangles from an edge to two corners.
+    fn cosine(&self, edge: [u32; 2], tips: [u32; 2]) -> f64 {
+        let [from, to, one, other] =
+            [edge[0], edge[1], tips[0], tips[1]].map(|corner| self.positions[corner as usize]);
+        opening_cosine(from, to, one, other)
+    }
+
+    /// The sharp edges that are at home in the part; there are so many triangles `around` each point.
+    fn sharp_edges(&self, around: &[u8]) -> Vec<SharpEdge> {
+        let sharp = |(edge, triangles): ([u32; 2], EdgeTriangles<'_>)| {
+            let [one, other] = triangles.both().filter(|_| self.is_own(edge[0]))?;
+            let tips = [one.1, other.1];
+            let turns = [one, other].map(|(triangle, _)| self.turns[triangle as usize]);
+            let is_reversed = runs_alike(edge, tips) ^ turns[0].1 ^ turns[1].1;
+            if turns[0].0 == turns[1].0 && !is_reversed {
+                return None;
+            }
+            let side = |k: usize| SharpSide {
+                component: turns[k].0,
+                opposite: self.points[tips[k] as usize].index,
+                around_opposite: around[tips[k] as usize],
+                angle: AngleClass::of(least_angle_cosine(places(
+                    self.positions,
+                    [edge[0], edge[1], tips[k]],
+                ))),
+                has_beyond: edge.map(|corner| self.edges.of(corner, tips[k]).len() > 1),
+            };
+            let mut sharp = SharpEdge {
+                edge: edge.map(|corner| self.points[corner as usize].index),
+                sides: [side(0), side(1)],
+                cosine: self.cosine(edge, tips) as f32,
+                is_reversed,
+            };
+            if sharp.edge[0] > sharp.edge[1] {
+                sharp.edge.reverse();
+                sharp
+                    .sides
+                    .iter_mut()
+                    .for_each(|side| side.has_beyond.reverse());
+            }
+            Some(sharp)
+        };
+        self.edges.all().filter_map(sharp).collect()
+    }
+
+    /// Whether a point is at home in the part.
+    fn is_own(&self, corner: u32) -> bool {
+        self.points[corner as usize].home == self.number
+    }
+
+    /// The corners of a triangle in the direction in which it was turned, the first one first.
+    fn turned(&self, triangle: usize) -> Corners {
+        let [a, b, c] = self.triangles[triangle];
+        match self.turns[triangle].1 {
+            true => [a, c, b],
+            false => [a, b, c],
+        }
+    }
+
+    /// The part of the whole mesh that these triangles are; there are so many triangles `around` each point.
+    fn part(&self, around: &[u8]) -> MeshedPart {
+        let mut part = MeshedPart {
+            components: vec![Component::default(); self.components as usize],
+            sharp_edges: self.sharp_edges(around),
+            ..MeshedPart::default()
+        };
+        let index = |corner: u32| self.points[corner as usize].index;
+        // The sum of the turned triangles around each point, and the component of one of them.
+        let mut normals = vec![(u32::MAX, Local::zeros()); self.points.len()];
+        for (k, &corners) in self.triangles.iter().enumerate() {
+            let ((component, is_reversed), turned) = (self.turns[k], self.turned(k));
+            let area = doubled_area(places(self.positions, turned));
+            for corner in corners {
+                let (of_corner, normal) = &mut normals[corner as usize];
+                *of_corner = component.min(*of_corner);
+                *normal += area;
+            }
+            if self.is_own(corners[0]) {
+                let figures = &mut part.figures;
+                let cosine = least_angle_cosine(places(self.positions, corners));
+                figures.push_triangle(cosine);
+                let ways = turned.map(|corner| self.points[corner as usize]);
+                let seen = self.looks_at_scanner(turned);
+                part.components[component as usize].add(ways.map(|point| point.point), seen);
+                part.triangles.push(PartTriangle {
+                    corners: turned.map(index),
+                    component,
+                });
+            }
+            if !corners.iter().all(|&corner| self.is_own(corner)) {
+                let mut sorted = corners.map(index);
+                // An odd permutation of the corners turns the triangle around.
+                let is_odd = is_odd(sorted);
+                sorted.sort_unstable();
+                part.links.push(Link {
+                    corners: sorted,
+                    component,
+                    is_reversed: is_reversed ^ is_odd,
+                    known_by: distinct(corners.map(|corner| self.points[corner as usize].home)),
+                });
+            }
+        }
+        for ([first, _], triangles) in self.edges.all() {
+            if self.is_own(first) {
+                part.figures.inner_edges += u64::from(triangles.len() == 2);
+                part.figures.border_edges += u64::from(triangles.len() == 1);
+            }
+        }
+        part.corners = self
+            .points
+            .iter()
+            .zip(normals)
+            .filter(|(point, (component, _))| point.home == self.number && *component != u32::MAX)
+            .map(|(point, (component, normal))| PartCorner {
+                index: point.index,
+                component,
+                is_behind: point.normal.is_some_and(|own| own.dot(&normal) < 0.0),
+            })
+            .collect();
+        part
+    }
+
+    /// Whether a turned triangle looks towards the scanner, if one of its corners knows where that was.
+    fn looks_at_scanner(&self, turned: Corners) -> Option<bool> {
+        let places = places(self.positions, turned);
+        let (corner, place) = turned
+            .iter()
+            .zip(places)
+            .find(|&(&corner, _)| self.points[corner as usize].scanner.is_some())?;
+        let scanner = self.points[*corner as usize].scanner?;
+        Some(doubled_area(places).dot(&(scanner - place)) > 0.0)
+    }
+}
+
+/// Whether the triangles from an edge to two corners, all corners in ascending order, run through the edge in the same
+/// direction, so that one of them must be turned around.
+fn runs_alike(edge: [u32; 2], tips: [u32; 2]) -> bool {
+    let [one, other] = tips.map(|tip| edge[0] < tip && tip < edge[1]);
+    one == other
+}
+
+/// How many different numbers these are.
+fn distinct([a, b, c]: [u32; 3]) -> u8 {
+    1 + u8::from(b != a) + u8::from(c != a && c != b)
+}
+
+/// Whether sorting three different numbers takes an odd number of exchanges.
+fn is_odd([a, b, c]: [u32; 3]) -> bool {
+    (a > b) ^ (b > c) ^ (a > c)
+}

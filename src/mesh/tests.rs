@@ -1,0 +1,264 @@
+//! Meshes of surfaces that are known, and of parts of them.
+
+use std::collections::HashMap;
+
+use super::*;
+use crate::geometry::{Stored, spread};
+
+const QUANTIZATION: Quantization = Quantization {
+    scale: 1e-4,
+    offset: [0.0; 3],
+};
+
+/// A number from 0 to 1.
+fn unit(k: u64) -> f64 {
+    spread(k) as f64 / u64::MAX as f64
+}
+
+/// Points of a surface, moved by `noise`, as the solver leaves them: with normals, in no order.
+fn cloud(places: impl Iterator<Item = (Local, Local)>, noise: f64) -> Vec<MeshPoint> {
+    (0..)
+        .zip(places)
+        .map(|(index, (place, normal))| {
+            let roll = |k: u64| 2.0 * unit(7 * u64::from(index) + k) - 1.0;
+            let moved = place + Local::new(roll(0), roll(1), roll(2)) * noise;
+            MeshPoint {
+                point: QUANTIZATION.stored(moved).unwrap(),
+                // Of either side.
+                normal: Some(if unit(u64::from(index)) < 0.5 {
+                    normal
+                } else {
+                    -normal
+                }),
+                scanner: None,
+                index,
+                home: 0,
+            }
+        })
+        .collect()
+}
+
+/// About even points of the unit sphere: a spiral, whose neighbours are a spacing of about 1.9 / √count apart.
+fn sphere(count: u32) -> impl Iterator<Item = (Local, Local)> {
+    (0..count).map(move |k| {
+        let z = 1.0 - (2.0 * f64::from(k) + 1.0) / f64::from(count);
+        let turn = f64::from(k) * std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+        let wide = (1.0 - z * z).sqrt();
+        let place = Local::new(wide * turn.cos(), wide * turn.sin(), z);
+        (place, place)
+    })
+}
+
+const SPHERE_POINTS: u32 = 1500;
+const SPHERE_SPACING: f64 = 0.095;
+
+/// A hexagonal lattice of edge 1 on the plane z = 0, without the nodes within `hole` of (20, 20).
+fn sheet(hole: f64) -> impl Iterator<Item = (Local, Local)> {
+    let node = |i: i32, j: i32| {
+        let [i, j] = [i, j].map(f64::from);
+        Local::new(i + 0.5 * (j % 2.0), 0.75_f64.sqrt() * j, 0.0)
+    };
+    (0..40)
+        .flat_map(move |i| (0..46).map(move |j| node(i, j)))
+        .filter(move |place| (place - Local::new(20.0, 20.0, 0.0)).norm() > hole)
+        .map(|place| (place, Local::z()))
+}
+
+/// Counts the triangles on every edge.
+fn edges_of(triangles: &[Corners]) -> HashMap<[u32; 2], Vec<bool>> {
+    let mut edges: HashMap<[u32; 2], Vec<bool>> = HashMap::new();
+    for &[a, b, c] in triangles {
+        for [from, to] in [[a, b], [b, c], [c, a]] {
+            let edge = [from.min(to), from.max(to)];
+            edges.entry(edge).or_default().push(from < to);
+        }
+    }
+    edges
+}
+
+/// Whether every edge has two triangles that run through it in opposite directions.
+fn is_watertight(triangles: &[Corners]) -> bool {
+    edges_of(triangles)
+        .values()
+        .all(|runs| matches!(runs[..], [true, false] | [false, true]))
+}
+
+/// The mesh of `points` in parts: squares of this `edge` in spacings.
+fn in_parts(points: &[MeshPoint], spacing: f64, edge: f64) -> (Vec<Corners>, MeshFigures) {
+    let home = |point: Stored| {
+        let units = QUANTIZATION.units(edge * spacing);
+        [point.x, point.y].map(|c| i64::from(c).div_euclid(units))
+    };
+    let mut homes: Vec<[i64; 2]> = points.iter().map(|p| home(p.point)).collect();
+    homes.sort_unstable();
+    homes.dedup();
+    let reach = QUANTIZATION.units(REACH_IN_SPACINGS * spacing);
+    let (mut sides, mut figures, mut parts) = (Sides::default(), MeshFigures::default(), vec![]);
+    for (number, own) in (0..).zip(&homes) {
+        let units = QUANTIZATION.units(edge * spacing);
+        let near = |&&MeshPoint { point, .. }: &&MeshPoint| {
+            let beyond =
+                |c: i32, k: i64| (k * units - i64::from(c)).max(i64::from(c) - (k + 1) * units);
+            beyond(point.x, own[0]) <= reach && beyond(point.y, own[1]) <= reach
+        };
+        let seen = points.iter().filter(near).map(|&point| MeshPoint {
+            home: homes.binary_search(&home(point.point)).unwrap() as u32,
+            ..point
+        });
+        let mut part = MeshedPart::new(number, seen.collect(), &QUANTIZATION, spacing);
+        let first = sides.add(&mut part);
+        figures.merge(&part.figures);
+        parts.push((first, part.triangles));
+    }
+    let sides = sides.settle(&mut figures);
+    let mut all: Vec<Corners> = parts
+        .into_iter()
+        .flat_map(|(first, triangles)| triangles.into_iter().map(move |t| (first, t)))
+        .filter_map(|(first, t)| sides.turned(t.corners, first + t.component))
+        .collect();
+    all.sort_unstable();
+    (all, figures)
+}
+
+#[test]
+fn a_sphere_is_watertight_and_looks_outwards() {
+    for noise in [0.0, 0.01] {
+        let points = cloud(sphere(SPHERE_POINTS), noise);
+        let (triangles, figures) = mesh_of_whole(points.clone(), &QUANTIZATION, SPHERE_SPACING);
+        assert!(is_watertight(&triangles));
+        assert_eq!(figures.euler_characteristic(), 2);
+        assert_eq!(
+            (figures.components, figures.border_edges, figures.unused),
+            (1, 0, 0)
+        );
+        assert_eq!(figures.triangles, triangles.len() as u64);
+        for corners in triangles {
+            let [a, b, c] = corners.map(|k| QUANTIZATION.local(points[k as usize].point));
+            assert!((b - a).cross(&(c - a)).dot(&a) > 0.0);
+        }
+    }
+}
+
+#[test]
+fn the_mesh_does_not_depend_on_the_order_of_the_points() {
+    let points = cloud(sphere(SPHERE_POINTS), 0.015);
+    let mut shuffled = points.clone();
+    shuffled.sort_by_key(|point| spread(u64::from(point.index)));
+    let mesh = |points| mesh_of_whole(points, &QUANTIZATION, SPHERE_SPACING);
+    assert_eq!(mesh(points), mesh(shuffled));
+}
+
+#[test]
+fn parts_make_the_mesh_of_the_whole() {
+    // Rough places everywhere: stars disagree, and there are holes, folds and loose points.
+    let mut points = cloud(sheet(6.0), 0.33);
+    for point in &mut points {
+        point.normal = point
+            .normal
+            .filter(|_| unit(1000 + u64::from(point.index)) > 0.05);
+    }
+    let (whole, figures) = mesh_of_whole(points.clone(), &QUANTIZATION, 1.0);
+    assert!(
+        figures.border_edges > 100 && figures.loose > 50,
+        "{} {}",
+        figures.border_edges,
+        figures.loose
+    );
+    for edge in [30.0, 13.0, 5.0] {
+        let (parts, of_parts) = in_parts(&points, 1.0, edge);
+        assert_eq!(parts, whole, "parts of {edge} spacings");
+        assert_eq!(of_parts, figures, "parts of {edge} spacings");
+    }
+}
+
+#[test]
+fn the_figures_are_those_of_the_triangles() {
+    let points = cloud(sheet(6.0), 0.4);
+    let (triangles, figures) = mesh_of_whole(points.clone(), &QUANTIZATION, 1.0);
+    let edges = edges_of(&triangles);
+    let count = |number: usize| edges.values().filter(|runs| runs.len() == number).count() as u64;
+    assert_eq!(
+        (figures.border_edges, figures.inner_edges),
+        (count(1), count(2))
+    );
+    assert!(
+        edges
+            .values()
+            .all(|runs| runs.len() == 1 || runs[..] == [true, false] || runs[..] == [false, true])
+    );
+    let mut corners: Vec<u32> = triangles.iter().flatten().copied().collect();
+    corners.sort_unstable();
+    corners.dedup();
+    assert_eq!(figures.corners, corners.len() as u64);
+    assert_eq!(figures.unused, (points.len() - corners.len()) as u64);
+}
+
+#[test]
+fn narrow_holes_are_closed_and_wide_ones_are_borders() {
+    let borders = |hole: f64| {
+        let points = cloud(sheet(hole), 0.02);
+        mesh_of_whole(points, &QUANTIZATION, 1.0).1.border_edges
+    };
+    let outside = borders(0.0);
+    assert!(outside > 100, "{outside}");
+    assert_eq!(borders(1.2), outside, "a hole of two spacings");
+    assert!(borders(5.0) > outside + 20, "a hole of ten spacings");
+}
+
+#[test]
+fn a_sheet_looks_upwards_or_towards_its_scanner() {
+    let looks_up = |scanner: Option<Local>| {
+        let mut points = cloud(sheet(0.0), 0.02);
+        points.iter_mut().for_each(|point| point.scanner = scanner);
+        let (triangles, figures) = mesh_of_whole(points.clone(), &QUANTIZATION, 1.0);
+        assert_eq!(figures.components, 1);
+        let up = |corners: &Corners| {
+            let [a, b, c] = corners.map(|k| QUANTIZATION.local(points[k as usize].point));
+            (b - a).cross(&(c - a)).z > 0.0
+        };
+        let ups = triangles.iter().filter(|corners| up(corners)).count();
+        assert!(ups == 0 || ups == triangles.len());
+        ups > 0
+    };
+    assert!(looks_up(None));
+    assert!(looks_up(Some(Local::new(20.0, 20.0, 5.0))));
+    assert!(!looks_up(Some(Local::new(20.0, 20.0, -5.0))));
+}
+
+#[test]
+fn a_strip_of_moebius_is_cut_open() {
+    // Half a turn on the way around: no side can be the outer one.
+    let count = 120;
+    let places = (0..count).flat_map(|k| {
+        let turn = std::f64::consts::TAU * f64::from(k) / f64::from(count);
+        (-4..=4).map(move |across| {
+            let out = Local::new(turn.cos(), turn.sin(), 0.0);
+            let way = out * (0.5 * turn).cos() + Local::z() * (0.5 * turn).sin();
+            let along = Local::new(-turn.sin(), turn.cos(), 0.0);
+            let offset = f64::from(across) + if k % 2 == 0 { 0.0 } else { 0.5 };
+            (out * 19.1 + way * offset, way.cross(&along))
+        })
+    });
+    let (triangles, figures) = mesh_of_whole(cloud(places, 0.01), &QUANTIZATION, 1.0);
+    assert!(triangles.len() > 1500);
+    assert_eq!(figures.components, 1);
+    let one_way = |runs: &Vec<bool>| runs.len() == 1 || runs[0] != runs[1];
+    assert!(edges_of(&triangles).values().all(one_way));
+}
+
+#[test]
+fn nothing_and_points_without_surface_have_no_triangles() {
+    assert!(mesh_of_whole(Vec::new(), &QUANTIZATION, 1.0).0.is_empty());
+    let mut points = cloud(sheet(0.0), 0.02);
+    points.iter_mut().for_each(|point| point.normal = None);
+    let (triangles, figures) = mesh_of_whole(points.clone(), &QUANTIZATION, 1.0);
+    assert!(triangles.is_empty());
+    assert_eq!(figures.loose, points.len() as u64);
+    // All in one place.
+    let normal = Some(Local::z());
+    let point = Stored { x: 3, y: 4, z: 5 };
+    points
+        .iter_mut()
+        .for_each(|p| (p.point, p.normal) = (point, normal));
+    assert!(mesh_of_whole(points, &QUANTIZATION, 1.0).0.is_empty());
+}
