@@ -41,6 +41,7 @@ pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
     let job = JobDescription {
         inputs: vec![scans],
         dir: default_directory(&cloud),
+        mesh: None,
         scratch: None,
         output: cloud,
         settings: choices.settings(None)?,

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     config::{
         Bytes, Choices, ClassRule, ColorRule, Computed, ConfigError, Count, Length, OnBadFile,
-        Share, Sides,
+        Places, Share, Sides,
     },
     geometry::PatchKind,
     lloyd::{Acceleration, SeedRule},
@@ -175,6 +175,17 @@ struct OutputOptions {
     /// file
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
     output_tiles: Option<Length>,
+    /// Write a mesh of the points, too: .ply, .obj or .glb
+    #[arg(long, value_name = "FILE")]
+    mesh: Option<PathBuf>,
+    /// Places where scanners stood, towards which the mesh looks: x,y,z or
+    /// x,y,z;x,y,z [default: the mesh looks upwards, or outwards]
+    #[arg(long, value_name = "PLACES", allow_hyphen_values = true)]
+    scanner: Option<Places>,
+    /// Way of a moving scanner, towards which the mesh looks: a CSV file with the columns time,
+    /// x, y, z, in the GPS time and the CRS of the inputs
+    #[arg(long, value_name = "FILE")]
+    trajectory: Option<PathBuf>,
     /// Replace an existing output
     #[arg(long)]
     #[serde(skip_serializing_if = "is_false")]
@@ -339,7 +350,7 @@ mod tests {
             .get_arguments()
             .filter_map(|o| o.get_long())
             .collect();
-        assert_eq!(names.len(), 29);
+        assert_eq!(names.len(), 32);
         for name in names {
             let known = toml::from_str::<Choices>(&format!("{name} = {{}}"));
             let error = known.unwrap_err().to_string();

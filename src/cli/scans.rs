@@ -72,6 +72,7 @@ impl Scans {
         let job = JobDescription {
             inputs: self.inputs.clone(),
             output: output.to_owned(),
+            mesh: choices.mesh.clone(),
             dir: choices
                 .job
                 .clone()

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     length::Length,
+    places::Places,
     quantity::{Bytes, Count, Share},
     rectangle::Sides,
     rules::{ClassRule, ColorRule, Computed},
@@ -90,6 +91,12 @@ pub(crate) struct Choices {
     pub(crate) with: Option<Vec<Computed>>,
     /// The edge of the tiles that are written.
     pub(crate) output_tiles: Option<Length>,
+    /// The file for a mesh of the output.
+    pub(crate) mesh: Option<PathBuf>,
+    /// The places where scanners stood.
+    pub(crate) scanner: Option<Places>,
+    /// The file with the way of a moving scanner.
+    pub(crate) trajectory: Option<PathBuf>,
     /// What the job does about inputs that cannot be read.
     pub(crate) on_bad_file: Option<OnBadFile>,
     /// Whether an existing output is replaced.

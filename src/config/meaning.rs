@@ -7,7 +7,10 @@ use super::{
     choices::Choices,
     error::ConfigError,
     length::Length,
-    settings::{AttributeSettings, InputSettings, ResourceSettings, Settings, TilingSettings},
+    rules::Computed,
+    settings::{
+        AttributeSettings, InputSettings, MeshSettings, ResourceSettings, Settings, TilingSettings,
+    },
 };
 use crate::{
     las::{Crs, PointFilter, PolygonFilter},
@@ -107,6 +110,7 @@ impl Choices {
                 crs: self.crs()?,
             },
             attributes: self.attributes(),
+            mesh: self.mesh_settings()?,
             output_tiles: unit.positive("--output-tiles", self.output_tiles)?,
         })
     }
@@ -221,8 +225,33 @@ impl Choices {
         Ok(Some(Crs::Wkt(content.trim().to_owned())))
     }
 
+    fn mesh_settings(&self) -> Result<Option<MeshSettings>, ConfigError> {
+        if self.scanner.is_some() && self.trajectory.is_some() {
+            return Err(ConfigError::Words(
+                "--scanner and --trajectory both say where the scanner was; give one".into(),
+            ));
+        }
+        if self.mesh.is_none() && (self.scanner.is_some() || self.trajectory.is_some()) {
+            return Err(ConfigError::Words(
+                "--scanner and --trajectory turn a mesh towards the scanner; give --mesh, too"
+                    .into(),
+            ));
+        }
+        Ok(self.mesh.as_ref().map(|_| MeshSettings {
+            scanners: self
+                .scanner
+                .clone()
+                .map_or_else(Vec::new, |places| places.0),
+            trajectory: self.trajectory.clone(),
+        }))
+    }
+
     fn attributes(&self) -> AttributeSettings {
         let mut with = self.with.clone().unwrap_or_default();
+        if self.mesh.is_some() {
+            // The normals of the cloud are those of its mesh.
+            with.push(Computed::Normals);
+        }
         with.sort_unstable();
         with.dedup();
         AttributeSettings {

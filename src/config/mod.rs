@@ -15,6 +15,8 @@ mod length;
 #[cfg(feature = "cli")]
 mod meaning;
 #[cfg(feature = "cli")]
+mod places;
+#[cfg(feature = "cli")]
 mod quantity;
 #[cfg(feature = "cli")]
 mod rectangle;
@@ -27,10 +29,12 @@ pub(crate) use error::ConfigError;
 #[cfg(feature = "cli")]
 pub(crate) use length::Length;
 #[cfg(feature = "cli")]
+pub(crate) use places::Places;
+#[cfg(feature = "cli")]
 pub(crate) use quantity::{Bytes, Count, Share};
 #[cfg(feature = "cli")]
 pub(crate) use rectangle::Sides;
 pub(crate) use rules::{ClassRule, ColorRule, Computed};
 pub(crate) use settings::{
-    AttributeSettings, InputSettings, ResourceSettings, Settings, TilingSettings,
+    AttributeSettings, InputSettings, MeshSettings, ResourceSettings, Settings, TilingSettings,
 };

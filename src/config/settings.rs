@@ -1,5 +1,7 @@
 //! Options of a job as meant.
 
+use std::path::PathBuf;
+
 use serde::{Deserialize, Serialize};
 
 use super::rules::{ClassRule, ColorRule, Computed};
@@ -34,6 +36,9 @@ pub(crate) struct Settings {
     pub(crate) attributes: AttributeSettings,
     /// The edge of the tiles that are written; `None` stands for one file.
     pub(crate) output_tiles: Option<f64>,
+    /// How the mesh is made, if one is written beside the cloud.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) mesh: Option<MeshSettings>,
 }
 
 /// The memory and the threads that a job may use. They do not change its output.
@@ -75,6 +80,15 @@ pub(crate) struct AttributeSettings {
     pub(crate) with: Vec<Computed>,
 }
 
+/// How the mesh of the output is made.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct MeshSettings {
+    /// The places where scanners stood (world coordinates).
+    pub(crate) scanners: Vec<[f64; 3]>,
+    /// The file with the way of a moving scanner.
+    pub(crate) trajectory: Option<PathBuf>,
+}
+
 impl ResourceSettings {
     /// The value for records of the settings that decide the output of a job, which resources
     /// do not.
@@ -100,6 +114,7 @@ mod tests {
             input: InputSettings::default(),
             attributes: AttributeSettings::default(),
             output_tiles: None,
+            mesh: None,
         }
     }
 

@@ -7,10 +7,14 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-use super::{directory::InputStamps, error::JobError, resources::Budget};
+use super::{
+    directory::{InputStamps, PLAN_FILE},
+    error::JobError,
+    resources::Budget,
+};
 use crate::{
     config::{ResourceSettings, Settings},
-    las::{Format, LasError},
+    las::{Format, LasError, MeshFormat, read_trajectory},
 };
 
 /// A job: which scans are resampled, how, and to which output. Its JSON is handed over to other
@@ -21,6 +25,9 @@ pub(crate) struct JobDescription {
     pub(crate) inputs: Vec<PathBuf>,
     /// The output file, or the output directory of a tiled output.
     pub(crate) output: PathBuf,
+    /// The file for a mesh of the output, if one is written.
+    #[serde(default)]
+    pub(crate) mesh: Option<PathBuf>,
     /// The job directory, which contains the temporary files.
     pub(crate) dir: PathBuf,
     /// A directory for temporary files that only the last stage reads, used if it has room; `None`
@@ -62,6 +69,23 @@ impl JobDescription {
         matches!(self.format(), Ok(Format::Copc | Format::Tiles))
     }
 
+    /// The edge of the tiles of the mesh (CRS units), if it is written as tiles: where the cloud is, and the name of the
+    /// mesh has no ending.
+    pub(crate) fn mesh_tile_edge(&self) -> Option<f64> {
+        let is_directory = self
+            .mesh
+            .as_ref()
+            .is_some_and(|mesh| mesh.extension().is_none());
+        self.settings.output_tiles.filter(|_| is_directory)
+    }
+
+    /// The number of copies of the records that lie on the disk while the output is sorted. For a mesh they are sorted
+    /// first and then put in order, and its triangles take about as much.
+    pub(crate) fn sorted_copies(&self) -> u64 {
+        let for_mesh = if self.mesh.is_some() { 3 } else { 0 };
+        u64::from(self.is_sorted()) + for_mesh
+    }
+
     /// The memory and the threads of the job.
     pub(crate) fn budget(&self) -> Budget {
         Budget::new(
@@ -88,6 +112,24 @@ impl JobDescription {
         let trial = self.output.with_extension("lloydar-trial");
         File::create(&trial).map_err(wrong)?;
         fs::remove_file(&trial).map_err(wrong)?;
+        if let Some(mesh) = &self.mesh {
+            if self.mesh_tile_edge().is_none() {
+                MeshFormat::of_path(mesh)?;
+            }
+            let wrong = |e| LasError::new(mesh, format!("cannot be written: {e}"));
+            let trial = mesh.with_extension("lloydar-trial");
+            File::create(&trial).map_err(wrong)?;
+            fs::remove_file(&trial).map_err(wrong)?;
+            if *mesh == self.output {
+                let problem = "is the name of the cloud and of its mesh; give two names";
+                return Err(LasError::new(mesh, problem).into());
+            }
+        }
+        if let Some(settings) = &self.settings.mesh
+            && let Some(path) = &settings.trajectory
+        {
+            read_trajectory(path)?;
+        }
         Ok(format)
     }
 
@@ -97,13 +139,24 @@ impl JobDescription {
     ///
     /// [`JobError::Las`] if it exists and must not be replaced.
     pub(crate) fn check_free(&self) -> Result<(), JobError> {
-        match self.output.exists() && !self.overwrite {
-            true => {
+        // A run that was killed between the mesh and the cloud has left the mesh.
+        let mesh = self.mesh.as_ref().filter(|_| !self.has_begun());
+        match [Some(&self.output), mesh]
+            .into_iter()
+            .flatten()
+            .find(|path| path.exists())
+        {
+            Some(path) if !self.overwrite => {
                 let problem = "exists already; give another name, or --overwrite";
-                Err(LasError::new(&self.output, problem).into())
+                Err(LasError::new(path, problem).into())
             }
-            false => Ok(()),
+            _ => Ok(()),
         }
+    }
+
+    /// Whether an earlier run of the job has planned its tiles.
+    fn has_begun(&self) -> bool {
+        !self.restart && self.dir.join(PLAN_FILE).exists()
     }
 
     /// The identity of the job: the program's version, the `inputs` as they are now, and the

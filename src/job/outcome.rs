@@ -5,6 +5,7 @@ use super::{
     stages::{InputCount, plan::JobPlan, views::ResultViews, write::Stitched},
     tile_figures::TileFigures,
 };
+use crate::mesh::MeshFigures;
 use crate::quality::{Uniformity, UniformityTally};
 
 /// The outcome of a job.
@@ -20,6 +21,8 @@ pub struct Outcome {
     pub(crate) stitched: Stitched,
     /// The cloud that was written.
     pub(crate) written: WrittenCloud,
+    /// The figures of the mesh, if one was written.
+    pub(crate) mesh: Option<MeshFigures>,
     /// Pictures and samples of input and output.
     pub(crate) views: ResultViews,
     /// Time, memory and disk of the run.

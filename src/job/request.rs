@@ -15,7 +15,8 @@ use super::{
 };
 use crate::{
     config::{
-        AttributeSettings, ConfigError, InputSettings, ResourceSettings, Settings, TilingSettings,
+        AttributeSettings, Computed, ConfigError, InputSettings, MeshSettings, ResourceSettings,
+        Settings, TilingSettings,
     },
     resample::{Options, ResampleError},
 };
@@ -45,6 +46,7 @@ use crate::{
 pub struct Job {
     inputs: Vec<PathBuf>,
     output: PathBuf,
+    mesh: Option<PathBuf>,
     options: Option<Options>,
     memory: Option<u64>,
     threads: Option<usize>,
@@ -66,6 +68,7 @@ impl Job {
         Self {
             inputs: inputs.into_iter().map(Into::into).collect(),
             output: output.into(),
+            mesh: None,
             options: None,
             memory: None,
             threads: None,
@@ -96,6 +99,13 @@ impl Job {
     /// requires it.
     pub fn options(mut self, options: Options) -> Self {
         self.options = Some(options);
+        self
+    }
+
+    /// Writes a mesh of the output, too. The ending of its name decides its format: `.ply`, `.obj` or `.glb`. The
+    /// cloud has normals then, on the side of their triangles.
+    pub fn mesh(mut self, path: impl Into<PathBuf>) -> Self {
+        self.mesh = Some(path.into());
         self
     }
 
@@ -175,6 +185,7 @@ impl Job {
             inputs: self.inputs.clone(),
             dir: directory.unwrap_or_else(|| default_directory(&self.output)),
             output: self.output.clone(),
+            mesh: self.mesh.clone(),
             scratch: None,
             settings: Settings {
                 target: options.target,
@@ -185,8 +196,12 @@ impl Job {
                 solver: options.solver,
                 tiling: TilingSettings::default(),
                 input: InputSettings::default(),
-                attributes: AttributeSettings::default(),
+                attributes: AttributeSettings {
+                    with: self.mesh.iter().map(|_| Computed::Normals).collect(),
+                    ..AttributeSettings::default()
+                },
                 output_tiles: None,
+                mesh: self.mesh.as_ref().map(|_| MeshSettings::default()),
             },
             overwrite: self.overwrites,
             keep: false,

@@ -11,11 +11,14 @@ use super::{
     outcome::Outcome,
     progress::Progress,
     stages::{
-        output::complete_output, plan::JobPlan, planned_job::PlannedJob, preparation::prepare,
-        scatter::SpillReaders, solve::solve_missing,
+        output::{CompleteOutput, complete_output},
+        plan::JobPlan,
+        planned_job::PlannedJob,
+        preparation::prepare,
+        scatter::SpillReaders,
+        solve::solve_missing,
     },
 };
-use crate::las::CompleteCloud;
 
 /// Approximate share of the first of two rounds in the time of solving.
 const SHARE_OF_FIRST_ROUND: f64 = 0.55;
@@ -23,6 +26,8 @@ const SHARE_OF_FIRST_ROUND: f64 = 0.55;
 const STITCH_SECONDS_PER_MILLION: f64 = 0.2;
 const WRITE_SECONDS_PER_MILLION: f64 = 0.5;
 const SORT_SECONDS_PER_MILLION: f64 = 0.7;
+/// Expected seconds of the mesh, per million points of the output.
+const MESH_SECONDS_PER_MILLION: f64 = 4.0;
 /// Expected seconds of the views of the result.
 const VIEW_SECONDS: f64 = 0.2;
 
@@ -62,11 +67,11 @@ impl JobDescription {
 
             // Stitch the tiles and write the cloud, aside.
             let complete = || complete_output(run, &planned, &solved, format);
-            let (outcome, cloud) = run.pool.install(complete)?;
+            let (outcome, output) = run.pool.install(complete)?;
 
             // Report, and give the output its name.
             report(&outcome)?;
-            self.deliver(planned, cloud)?;
+            self.deliver(planned, output)?;
             Ok(Some(outcome))
         })
     }
@@ -98,7 +103,12 @@ impl JobDescription {
 
     /// Gives the output its name, and removes the job directory. A run that is killed between the
     /// two is recognized by the stamp of the output in the job directory.
-    fn deliver(&self, mut planned: PlannedJob, cloud: CompleteCloud) -> Result<(), JobError> {
+    fn deliver(&self, mut planned: PlannedJob, output: CompleteOutput) -> Result<(), JobError> {
+        let CompleteOutput { cloud, mesh } = output;
+        if let Some(mesh) = mesh {
+            // A run that continues here writes the same mesh once more.
+            mesh.deliver()?;
+        }
         let stamp = Stamp::of(cloud.part());
         let stamp = stamp.map_err(|e| JobError::io("read", cloud.part(), e))?;
         planned.directory.deliver(stamp)?;
@@ -110,11 +120,15 @@ impl JobDescription {
     }
 
     /// The stages from the solving of tiles on, with the expected seconds of each.
-    fn seconds_ahead(&self, plan: &JobPlan) -> [(&'static str, f64); 5] {
+    fn seconds_ahead(&self, plan: &JobPlan) -> [(&'static str, f64); 6] {
         let million = 1e-6 * plan.points_out as f64;
         let sort = match self.is_sorted() {
             true => SORT_SECONDS_PER_MILLION,
             false => 0.0,
+        };
+        let mesh = match self.mesh {
+            Some(_) => MESH_SECONDS_PER_MILLION * million,
+            None => 0.0,
         };
         let to_start = match plan.has_two_rounds {
             true => SHARE_OF_FIRST_ROUND * plan.seconds_to_solve,
@@ -125,6 +139,7 @@ impl JobDescription {
             ("solve", plan.seconds_to_solve - to_start),
             ("stitch", STITCH_SECONDS_PER_MILLION * million),
             ("write", WRITE_SECONDS_PER_MILLION * million),
+            ("mesh", mesh),
             ("sort", VIEW_SECONDS + sort * million),
         ]
     }

@@ -144,6 +144,7 @@ impl JobDescription {
         Ok(Self {
             inputs: self.inputs.iter().map(absolute).collect::<Result<_, _>>()?,
             output: absolute(&self.output)?,
+            mesh: self.mesh.as_ref().map(absolute).transpose()?,
             dir: absolute(&self.dir)?,
             ..self.clone()
         })

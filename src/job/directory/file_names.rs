@@ -2,14 +2,17 @@
 
 use std::{fs, path::Path};
 
+/// The name of the file with the tiles of a job.
+pub(crate) const PLAN_FILE: &str = "plan.json";
+
 /// Stems of the names of a job's files, without the numbers of groups and attempts.
-const STEMS: [&str; 11] = [
-    "groups", "handover", "inputs", "job", "left-out", "lock", "octree", "plan", "spacing",
+const STEMS: [&str; 12] = [
+    "groups", "handover", "inputs", "job", "left-out", "lock", "mesh", "octree", "plan", "spacing",
     "spill", "tiles",
 ];
 
 /// Endings of the names of a job's files.
-const ENDINGS: [&str; 11] = [
+const ENDINGS: [&str; 13] = [
     "",
     "json",
     "part",
@@ -21,6 +24,8 @@ const ENDINGS: [&str; 11] = [
     "started",
     "solved",
     "settled",
+    "ordered",
+    "triangles",
 ];
 
 /// Whether `name` is the name of a file that jobs make.

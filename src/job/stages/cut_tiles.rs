@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{scatter::SpillReaders, scattered_cloud::ScatteredCloud, tile_costs::costed_squares};
 use crate::{
-    job::{error::JobError, progress::Progress, resources::mebibytes},
+    job::{directory::PLAN_FILE, error::JobError, progress::Progress, resources::mebibytes},
     lloyd::SolverOptions,
     tiling::{Plan, PlanOptions, Square, Tile},
 };
@@ -18,9 +18,6 @@ pub(super) struct CutTiles {
     #[serde(default)]
     pub(super) has_two_rounds: bool,
 }
-
-/// Name of the file in the job directory.
-const PLAN_FILE: &str = "plan.json";
 
 /// Work of a tile in two rounds over its work in one, if it sees the same: its points are read
 /// twice, and the states of its sites are written and read.

@@ -3,7 +3,7 @@
 //! ```text
 //!   preparation   survey ─► scatter ─► spacing ─► plan
 //!   solve         tile by tile: load, solve, transfer attributes
-//!   output        stitch ─► write ─► views ─► sort
+//!   output        stitch ─► write ─► mesh ─► views ─► sort
 //! ```
 
 mod cell_attributes;
@@ -12,7 +12,14 @@ mod compatibility;
 mod cut_tiles;
 mod input_counts;
 mod input_parts;
+mod mesh;
+mod mesh_cells;
+mod mesh_ordering;
+mod mesh_parts;
+mod mesh_source;
+mod mesh_tiles;
 mod no_points;
+mod ordered_points;
 pub(crate) mod output;
 pub(crate) mod plan;
 pub(crate) mod planned_job;

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::{
-    planned_job::PlannedJob, provenance::provenance, stitch::stitch, tile_solver::TileSolver,
-    views::ResultViews, write::write_tiles,
+    mesh_ordering::Ordering, planned_job::PlannedJob, provenance::provenance, stitch::stitch,
+    tile_solver::TileSolver, views::ResultViews, write::write_tiles,
 };
 use crate::{
     job::{
@@ -15,12 +15,19 @@ use crate::{
         progress::{Progress, Unit},
         tile_figures::TileFigures,
     },
-    las::{CloudHeader, CloudWriter, CompleteCloud, Format, Workspace},
+    las::{CloudHeader, CloudWriter, CompleteCloud, CompleteMesh, Format, Workspace},
     tile::{SeamTally, SettledTiles, SpillSpace},
     views::{CloudPair, UniformityMap},
 };
 
-/// Stitches the `solved` tiles and writes the cloud, complete but not yet under its name.
+/// The files of an output, complete but not yet under their names.
+pub(crate) struct CompleteOutput {
+    pub(crate) cloud: CompleteCloud,
+    pub(crate) mesh: Option<CompleteMesh>,
+}
+
+/// Stitches the `solved` tiles and writes the cloud, and its mesh if there is one, complete but not yet under their
+/// names.
 ///
 /// # Errors
 ///
@@ -30,7 +37,7 @@ pub(crate) fn complete_output(
     planned: &PlannedJob,
     solved: &SolvedTiles,
     format: Format,
-) -> Result<(Outcome, CompleteCloud), JobError> {
+) -> Result<(Outcome, CompleteOutput), JobError> {
     let (job, solver) = (run.job, &planned.solver);
     let plan = &solver.plan.plan;
     let notes_on_points = planned.notes_on_points();
@@ -44,7 +51,7 @@ pub(crate) fn complete_output(
     let scratch = Scratch::choose(
         job.scratch.as_deref(),
         planned.directory.path(),
-        planned.settled_bytes(job.is_sorted()),
+        planned.settled_bytes(job.sorted_copies()),
         run.progress,
     )?;
     let mut settled = SettledTiles::create(scratch.path())?;
@@ -58,15 +65,37 @@ pub(crate) fn complete_output(
     let mut map = UniformityMap::of_input(&solver.spill);
     run.progress.begin("write", tile_count, 0, Unit::Tiles);
     let mut writer = create_writer(run, planned, format, &scratch)?;
-    let (stitched, delta_by_tile) =
-        write_tiles(&cloud, seams, &mut map, &mut writer, run.progress)?;
+    let mut ordering = match &job.mesh {
+        Some(_) => Some(Ordering::begin(run, planned, &scratch)?),
+        None => None,
+    };
+    let mut write = |records: &[u8]| match &mut ordering {
+        Some(ordering) => ordering.push(run, records),
+        None => Ok(writer.write(records)?),
+    };
+    let (stitched, delta_by_tile) = write_tiles(&cloud, seams, &mut map, &mut write, run.progress)?;
     run.progress.end();
     run.clock.end_stage("write");
 
-    // Make the views for the report, in the tile of most sites.
+    // Choose the square of the viewer, in the tile of most sites.
     let largest = tiles.iter().max_by_key(|tile| tile.sites);
     let largest = largest.map_or(0, |figures| figures.tile.id);
-    let views = ResultViews::new(&cloud, map, writer.points(), largest)?;
+    let mut seen = cloud.viewer_square(largest)?;
+
+    // Find the triangles, and write the records in the order of the mesh.
+    let mesh = match (&job.mesh, ordering) {
+        (Some(path), Some(ordering)) => {
+            let maker = ordering.complete(run, planned, &scratch)?;
+            let mesh = maker.write(path, scratch.path(), &mut writer, &mut seen)?;
+            run.clock.end_stage("mesh");
+            Some(mesh)
+        }
+        _ => None,
+    };
+    let (mesh_figures, mesh) = mesh.unzip();
+
+    // Make the views for the report.
+    let views = ResultViews::new(&cloud, map, writer.points(), largest, &seen)?;
     // Reports and scripts know the stage by this name.
     run.clock.end_stage("look");
 
@@ -90,11 +119,18 @@ pub(crate) fn complete_output(
             bytes: complete.bytes(),
             delta_by_tile,
         },
+        mesh: mesh_figures,
         views,
         costs: RunCosts { stages, samples },
         notes: notes.collect(),
     };
-    Ok((outcome, complete))
+    Ok((
+        outcome,
+        CompleteOutput {
+            cloud: complete,
+            mesh,
+        },
+    ))
 }
 
 /// Settles the position of every site, and reports the end of the stage.

@@ -90,13 +90,10 @@ pub(super) fn plan_tiles(
     let halo = plan.halo as f64 * cloud.quantization().scale;
 
     // Check that the results of the tiles have room on the disk. Each record is written as its tile
-    // leaves it and again as it is settled, and once more if the output is sorted.
+    // leaves it and again as it is settled, and once more for each time that the output is sorted.
     let transfer = Transfer::new(&cloud.survey.record, &run.job.settings);
     let records = points_out * transfer.record().record_length() as u64;
-    let sorted = match run.job.is_sorted() {
-        true => records,
-        false => 0,
-    };
+    let sorted = run.job.sorted_copies() * records;
     let states = match has_two_rounds {
         true => STATE_BYTES * points_out,
         false => 0,

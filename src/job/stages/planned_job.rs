@@ -18,12 +18,11 @@ pub(crate) struct PlannedJob {
 }
 
 impl PlannedJob {
-    /// Bytes of the temporary files of the last stage: the records of all sites, and once more if
-    /// the output `is_sorted`.
-    pub(crate) fn settled_bytes(&self, is_sorted: bool) -> u64 {
+    /// Bytes of the temporary files of the last stage: the records of all sites, and `sorted_copies` of them.
+    pub(crate) fn settled_bytes(&self, sorted_copies: u64) -> u64 {
         let record_length = self.solver.transfer.record().record_length() as u64;
         let records = self.solver.plan.points_out * record_length;
-        if is_sorted { 2 * records } else { records }
+        (1 + sorted_copies) * records
     }
 
     /// Notes on inputs with points outside of the bounds that their headers state.

@@ -115,6 +115,14 @@ impl Transfer {
         &self.record
     }
 
+    /// The components of the normal, if it is one of the added attributes.
+    pub(super) fn normal(&self) -> Option<[RealAttribute; 3]> {
+        let is_normal =
+            |(computed, _): &&(Computed, Vec<RealAttribute>)| *computed == Computed::Normals;
+        let (_, components) = self.computed.iter().find(is_normal)?;
+        components.as_slice().try_into().ok()
+    }
+
     /// Whether records depend on all points in a cell, not only on the nearest one.
     pub(super) fn needs_cells(&self) -> bool {
         let needs = |(computed, _): &(Computed, Vec<RealAttribute>)| *computed == Computed::Density;

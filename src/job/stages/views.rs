@@ -4,8 +4,8 @@ use crate::{
     job::error::JobError,
     picture::View,
     views::{
-        CloudPair, Coloring, DetailView, PictureOptions, UniformityMap, ViewerSample, WorstPlace,
-        draw_picture,
+        CloudPair, Coloring, DetailView, PictureOptions, SquareTriangles, UniformityMap,
+        ViewerSample, WorstPlace, draw_picture,
     },
 };
 
@@ -34,7 +34,7 @@ pub(crate) struct ResultViews {
 
 impl ResultViews {
     /// Makes the views of `cloud`, which has `points`. The detail view lies in the tile with the
-    /// number `tile`, and the viewer sample at its corner.
+    /// number `tile`, and the viewer sample in the square of `mesh`.
     ///
     /// # Errors
     ///
@@ -44,6 +44,7 @@ impl ResultViews {
         uniformity_map: UniformityMap,
         points: u64,
         tile: u32,
+        mesh: &SquareTriangles,
     ) -> Result<Self, JobError> {
         let overview = draw_picture(
             &OVERVIEW,
@@ -65,7 +66,7 @@ impl ResultViews {
         let worst = worst.collect::<Result<Vec<WorstPlace>, JobError>>()?;
         Ok(Self {
             detail: cloud.detail_in_middle_of(tile)?,
-            viewer_sample: cloud.viewer_sample(tile)?,
+            viewer_sample: cloud.viewer_sample(mesh)?,
             overview,
             uniformity_map,
             worst,

@@ -7,7 +7,6 @@ use super::{stitch::adjacent, tile_solver::BAND_IN_SPACINGS};
 use crate::{
     geometry::{Local, NeighborGrid, Rect, Stored},
     job::{error::JobError, progress::Progress},
-    las::CloudWriter,
     quality::UniformityTally,
     tile::SeamTally,
     tiling::Tile,
@@ -62,7 +61,7 @@ impl Stitched {
     }
 }
 
-/// Writes the settled tiles of `cloud` in the order of the plan, and adds their points to `map`.
+/// Passes the records of the settled tiles of `cloud` to `write` in the order of the plan, and adds their points to `map`.
 /// Returns the figures of the cloud, and δ of the points of each tile.
 ///
 /// # Errors
@@ -72,7 +71,7 @@ pub(super) fn write_tiles(
     cloud: &CloudPair<'_>,
     seams: SeamTally,
     map: &mut UniformityMap,
-    writer: &mut CloudWriter,
+    write: &mut dyn FnMut(&[u8]) -> Result<(), JobError>,
     progress: &dyn Progress,
 ) -> Result<(Stitched, Vec<f64>), JobError> {
     let seam = cloud.quantization.units(SEAM_IN_SPACINGS * cloud.spacing);
@@ -99,7 +98,7 @@ pub(super) fn write_tiles(
         delta_by_tile.push(tile_tally.figures().delta);
 
         // Write the records.
-        writer.write(&records)?;
+        write(&records)?;
         progress.advance(1);
     }
     Ok((stitched, delta_by_tile))

@@ -1,0 +1,124 @@
+//! The parts of a cloud whose triangles are found together: squares of cells, as large as the memory allows.
+//!
+//! Which parts there are decides how much is seen twice, and nothing else.
+
+use super::{mesh_source::MeshSource, ordered_points::OrderedCell};
+use crate::{geometry::Rect, tiling::CellKey};
+
+/// Bytes of a point of a part while its triangles are found, with the records that are read.
+const BYTES_PER_POINT: f64 = 900.0;
+/// The most points of a part, however large the memory.
+const MOST_POINTS_OF_A_PART: u64 = 4_000_000;
+
+impl MeshSource<'_> {
+    /// The parts of the cloud: squares of cells as large as the memory allows.
+    pub(super) fn parts(&self) -> Vec<Part> {
+        let limit = (self.run.budget.usable() as f64 / BYTES_PER_POINT) as u64;
+        let limit = limit.min(MOST_POINTS_OF_A_PART);
+        let mut parts = Vec::new();
+        for shift in (0..32).rev() {
+            parts = self.squares(shift);
+            if parts.iter().all(|part| part.points_seen <= limit) {
+                break;
+            }
+        }
+        parts
+    }
+
+    /// The cells in squares of 2^`shift` cells along an edge.
+    fn squares(&self, shift: u32) -> Vec<Part> {
+        let cells = self.points.cells();
+        let least = |index: fn(&OrderedCell) -> i32| {
+            cells
+                .iter()
+                .map(|cell| i64::from(index(cell)))
+                .min()
+                .unwrap_or(0)
+        };
+        let [row, column] = [least(|cell| cell.key.row), least(|cell| cell.key.column)];
+        let square = |cell: &OrderedCell| {
+            let CellKey { row: r, column: c } = cell.key;
+            [
+                (i64::from(r) - row) >> shift,
+                (i64::from(c) - column) >> shift,
+            ]
+        };
+        let mut order: Vec<usize> = (0..cells.len()).collect();
+        order.sort_by_key(|&cell| square(&cells[cell]));
+        let of_square = |same: &[usize]| {
+            let edge = self.grids.cells.edge();
+            let [r, c] = square(&cells[same[0]]);
+            let sides = |first: i64, square: i64| {
+                [square, square + 1].map(|square| (first + (square << shift)) * edge)
+            };
+            let ([south, north], [west, east]) = (sides(row, r), sides(column, c));
+            let core = Rect {
+                min: [west, south],
+                max: [east, north],
+            };
+            Part::new(core, same.to_vec(), self.cells_around(&core, same))
+                .counting(|cell| cells[cell].count)
+        };
+        order
+            .chunk_by(|&a, &b| square(&cells[a]) == square(&cells[b]))
+            .map(of_square)
+            .collect()
+    }
+
+    /// The cells beside the cells `own` that are within reach of `core`.
+    fn cells_around(&self, core: &Rect, own: &[usize]) -> Vec<usize> {
+        let wide = core.grown(self.reach());
+        let mut around: Vec<usize> = own
+            .iter()
+            .flat_map(|&cell| {
+                let CellKey { row, column } = self.points.cells()[cell].key;
+                let beside = move |k: i32| CellKey {
+                    row: row + k / 3 - 1,
+                    column: column + k % 3 - 1,
+                };
+                (0..9).filter_map(move |k| self.points.index_of(beside(k)))
+            })
+            .filter(|&cell| {
+                let rect = self.grids.cells.rect(self.points.cells()[cell].key);
+                !core.covers(&rect) && wide.intersects(&rect)
+            })
+            .collect();
+        around.sort_unstable();
+        around.dedup();
+        around
+    }
+}
+
+/// A part of the cloud, whose triangles are found together.
+pub(super) struct Part {
+    /// The square of the plane.
+    pub(super) core: Rect,
+    /// The indices of its cells.
+    pub(super) cells: Vec<usize>,
+    /// The indices of the cells within reach.
+    pub(super) around: Vec<usize>,
+    /// The number of points in all of these cells.
+    points_seen: u64,
+}
+
+impl Part {
+    fn new(core: Rect, cells: Vec<usize>, around: Vec<usize>) -> Self {
+        Self {
+            core,
+            cells,
+            around,
+            points_seen: 0,
+        }
+    }
+
+    /// This part with the number of its points, by those of each cell.
+    fn counting(mut self, count: impl Fn(usize) -> u64) -> Self {
+        self.points_seen = self
+            .cells
+            .iter()
+            .chain(&self.around)
+            .map(|&cell| count(cell))
+            .sum();
+        self
+    }
+}

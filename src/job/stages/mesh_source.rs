@@ -1,0 +1,146 @@
+//! What the mesh of a cloud is made from: the points in order, and how their records are read.
+
+use super::{
+    mesh_cells::{CellMesh, CellMeshes},
+    ordered_points::{OrderedPoints, OrderingGrids},
+};
+use crate::{
+    geometry::{Quantization, Stored},
+    job::context::RunContext,
+    las::{Crs, MeshHeader, MeshVertex, RealAttribute, RecordFormat, RecordView},
+    mesh::{MeshFigures, REACH_IN_SPACINGS, SettledSides, Viewpoints},
+    tile::TileError,
+};
+
+/// What the mesh of a cloud is made from.
+pub(super) struct MeshSource<'a> {
+    pub(super) run: &'a RunContext<'a>,
+    pub(super) points: OrderedPoints,
+    pub(super) grids: OrderingGrids,
+    pub(super) record: &'a RecordFormat,
+    /// The components of the normal in the records.
+    pub(super) normal: [RealAttribute; 3],
+    pub(super) viewpoints: Viewpoints,
+    pub(super) quantization: Quantization,
+    pub(super) spacing: f64,
+    pub(super) crs: Option<Crs>,
+    /// The edge of the tiles of the mesh (CRS units), if it is written as tiles.
+    pub(super) tile_edge: Option<f64>,
+}
+
+/// The mesh of a cloud before it is written.
+pub(super) struct Triangulated {
+    pub(super) cells: CellMeshes,
+    pub(super) sides: SettledSides,
+    pub(super) figures: MeshFigures,
+    pub(super) extent: Extent,
+}
+
+/// What the header of a mesh says of its points.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Extent {
+    /// The least and the largest coordinates.
+    pub(super) bounds: [Stored; 2],
+    /// The largest component of a colour.
+    pub(super) brightest: u16,
+}
+
+impl MeshSource<'_> {
+    /// How far a part sees beyond its core, in stored units.
+    pub(super) fn reach(&self) -> i64 {
+        self.quantization.units(REACH_IN_SPACINGS * self.spacing)
+    }
+
+    /// The header of a mesh without vertices in this cloud.
+    pub(super) fn header(&self, extent: &Extent) -> MeshHeader {
+        MeshHeader {
+            vertices: 0,
+            triangles: 0,
+            brightest_color: self.record.has_color().then_some(extent.brightest),
+            bounds: [[0.0; 3]; 2],
+            origin: None,
+            crs: self.crs.clone(),
+        }
+    }
+
+    /// The records of a cell, with normals on the sides of their triangles.
+    pub(super) fn turned_records(
+        &self,
+        cell: usize,
+        mesh: &CellMesh,
+        sides: &SettledSides,
+    ) -> Result<Vec<u8>, TileError> {
+        let mut records = self.points.records(cell)?;
+        self.turn_normals(cell, mesh, sides, &mut records);
+        Ok(records)
+    }
+
+    /// Turns the normals in the `records` of a cell to the sides of their triangles.
+    fn turn_normals(&self, cell: usize, mesh: &CellMesh, sides: &SettledSides, records: &mut [u8]) {
+        let (first, length) = (self.points.cells()[cell].first, self.record.record_length());
+        for corner in &mesh.corners {
+            if sides.is_reversed(corner.component) != corner.is_behind {
+                let start = (u64::from(corner.index) - first) as usize * length;
+                let mut record = RecordView::new(&mut records[start..start + length]);
+                for component in self.normal {
+                    let turned = -record.real(component);
+                    record.set_real(component, turned.into());
+                }
+            }
+        }
+    }
+
+    /// The corners of a mesh that `records` describe.
+    pub(super) fn vertices(&self, records: &[u8]) -> Vec<MeshVertex> {
+        let has_color = self.record.has_color();
+        let vertex = |bytes: &[u8]| {
+            let record = RecordView::new(bytes);
+            MeshVertex {
+                position: self.quantization.world(record.position()),
+                normal: self.normal.map(|component| record.real(component)),
+                color: if has_color { record.color() } else { [0; 3] },
+            }
+        };
+        records
+            .chunks_exact(self.record.record_length())
+            .map(vertex)
+            .collect()
+    }
+}
+
+impl Extent {
+    /// The extent of no point.
+    pub(super) const EMPTY: Self = Self {
+        bounds: [
+            Stored {
+                x: i32::MAX,
+                y: i32::MAX,
+                z: i32::MAX,
+            },
+            Stored {
+                x: i32::MIN,
+                y: i32::MIN,
+                z: i32::MIN,
+            },
+        ],
+        brightest: 0,
+    };
+
+    /// Adds a point.
+    pub(super) fn add(&mut self, record: &RecordView<&[u8]>, has_color: bool) {
+        let (point, [low, high]) = (record.position(), &mut self.bounds);
+        *low = Stored {
+            x: low.x.min(point.x),
+            y: low.y.min(point.y),
+            z: low.z.min(point.z),
+        };
+        *high = Stored {
+            x: high.x.max(point.x),
+            y: high.y.max(point.y),
+            z: high.z.max(point.z),
+        };
+        if has_color {
+            self.brightest = record.color().into_iter().fold(self.brightest, u16::max);
+        }
+    }
+}
