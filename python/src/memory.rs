@@ -4,7 +4,7 @@ use std::{ops::ControlFlow, sync::atomic::Ordering};
 
 use lloydar::{Options, Resampled, resample_with_progress};
 use numpy::{
-    Element, IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray2,
+    Element, IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2,
     ndarray::{ArrayView2, Axis},
 };
 use pyo3::{prelude::*, types::PyDict};
@@ -123,6 +123,25 @@ impl Rings {
     fn of<'py>(&self, py: Python<'py>, index: usize) -> (Bound<'py, PyArray1<u32>>, bool) {
         let ring = self.0.ring(index);
         (PyArray1::from_slice(py, ring.neighbors), ring.is_closed)
+    }
+
+    /// Returns the triangles between the output points, of shape (t, 3), by their `points` and `normals`, which Python
+    /// owns.
+    fn triangles<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArray2<'py, f64>,
+        normals: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        let mut cloud = self.0.clone();
+        cloud.points = copied(py, points.as_array())?;
+        cloud.normals = copied(py, normals.as_array())?;
+        let triangles = py.detach(|| cloud.triangles());
+        let count = triangles.len();
+        triangles
+            .into_flattened()
+            .into_pyarray(py)
+            .reshape([count, 3])
     }
 }
 

@@ -205,3 +205,19 @@ def test_a_request_that_the_points_do_not_carry_is_refused_with_the_numbers() ->
         lloydar.resample(SCAN, spacing=5)
     with pytest.raises(lloydar.RequestError, match="count 1000000 is more than 14400"):
         lloydar.resample(SCAN, count=1_000_000)
+
+
+def test_triangles_of_a_sphere_are_watertight() -> None:
+    k = np.arange(40_000)
+    z = 1 - (2 * k + 1) / len(k)
+    turn, wide = k * np.pi * (3 - 5**0.5), np.sqrt(1 - z * z)
+    even = lloydar.resample(np.column_stack([wide * np.cos(turn), wide * np.sin(turn), z]), spacing=0.1)
+    triangles = even.triangles
+    assert triangles.dtype == np.uint32 and triangles.shape[1] == 3
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [0, 2]]].reshape(-1, 2), axis=1)
+    _, counts = np.unique(edges, axis=0, return_counts=True)
+    assert (counts == 2).all()
+    assert len(even) - len(counts) + len(triangles) == 2
+    a, b, c = (even.points[triangles[:, k]] for k in range(3))
+    assert (np.cross(b - a, c - a) * a).sum(axis=1).min() > 0, "outwards"
+    assert even.triangles is triangles, "found once"

@@ -77,6 +77,19 @@ def test_the_bytes_are_those_of_the_command_line(
         assert report[name] == written[name]
 
 
+def test_a_mesh_is_that_of_the_command_line(
+    street: list[Path], tmp_path: Path, command: Command
+) -> None:
+    ours, theirs = tmp_path / "ours.ply", tmp_path / "theirs.ply"
+    places = [(431_000.0, 5_400_000.0, 110.0), (431_020.0, 5_400_000.0, 110.0)]
+    report = lloydar.run(street, tmp_path / "a.laz", spacing=0.5, mesh=ours, scanner=places)
+    flag = "--scanner=431000,5400000,110;431020,5400000,110"
+    words = [*map(str, street), "-o", str(tmp_path / "b.laz"), "--spacing=0.5"]
+    command("run", *words, f"--mesh={theirs}", flag, "-q")
+    assert ours.read_bytes() == theirs.read_bytes()
+    assert report["mesh"]["triangles"] > 1000
+
+
 def test_points_in_memory_and_the_file_give_the_same_positions(street: list[Path], tmp_path: Path) -> None:
     lloydar.run(street, tmp_path / "even.laz", spacing=0.4)
     written = laspy.read(tmp_path / "even.laz")

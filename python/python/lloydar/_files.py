@@ -70,6 +70,9 @@ class JobOptions(TypedDict, total=False):
     #: "with" is a word of Python: the option --with has this name.
     with_: str | Iterable[str] | None
     output_tiles: Length | None
+    mesh: PathLike | None
+    scanner: Sequence[float] | Sequence[Sequence[float]] | str | None
+    trajectory: PathLike | None
     overwrite: bool
     config: PathLike | None
 
@@ -140,6 +143,12 @@ def run(
         Extra attributes: ``"normals"``, ``"curvature"``, ``"area"``, ``"density"``, ``"distance"``.
     output_tiles : float or str, optional
         Write a directory of square tiles with this edge.
+    mesh : path, optional
+        Write a mesh of the points, too: ``.ply``, ``.obj`` or ``.glb``; with `output_tiles` also a directory.
+    scanner : (x, y, z) or list of (x, y, z), optional
+        Places where scanners stood, towards which the mesh looks.
+    trajectory : path, optional
+        Way of a moving scanner, towards which the mesh looks: a CSV file with the columns time, x, y, z.
     config : path, optional
         TOML file with options; keywords win.
 
@@ -386,7 +395,10 @@ def _text(option: str, value: Any) -> str:
         # All digits that tell the number from others, and no exponent.
         return np.format_float_positional(float(value), trim="-")
     if isinstance(value, Iterable) and not isinstance(value, (bytes, Mapping)):
-        return ",".join(_text(option, item) for item in value)
+        items = list(value)
+        # Places of several scanners are lists in a list.
+        nested = bool(items) and not isinstance(items[0], str) and isinstance(items[0], Iterable)
+        return (";" if nested else ",").join(_text(option, item) for item in items)
     raise TypeError(f"{option} is a {type(value).__name__}: give a number, a text or a list")
 
 

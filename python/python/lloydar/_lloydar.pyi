@@ -18,6 +18,9 @@ class Task:
 @final
 class Rings:
     def of(self, index: int) -> tuple[npt.NDArray[np.uint32], bool]: ...
+    def triangles(
+        self, points: npt.NDArray[np.float64], normals: npt.NDArray[np.float64]
+    ) -> npt.NDArray[np.uint32]: ...
 
 def resample(
     points: npt.NDArray[np.float64] | npt.NDArray[np.float32],

@@ -91,6 +91,17 @@ class Resampled:
         """
         return self._pick(self.source, self.points)
 
+    @cached_property
+    def triangles(self) -> npt.NDArray[np.uint32]:
+        """Triangles between the output points, by their indices, shape (t, 3): a mesh of the surfaces.
+
+        No edge has more than two triangles, narrow holes are closed, and points where the input describes no
+        surface have none. Corners run counter-clockwise as seen from the side that a triangle looks to: upwards, or
+        outwards where a piece of the mesh encloses a volume. It is the mesh that `run` writes for the same points,
+        found when it is first asked for.
+        """
+        return self._rings.triangles(self.points, self.normals)
+
     def ring(self, index: int) -> tuple[npt.NDArray[np.uint32], bool]:
         """Returns the neighbours of an output point.
 
