@@ -7,6 +7,8 @@ mod cluster;
 mod docs;
 mod formats;
 mod layers;
+mod mesh;
+mod mesh_views;
 mod program;
 mod resample;
 mod running;

@@ -31,6 +31,10 @@ with sync_playwright() as playwright:
         page.goto(VIEWER.resolve().as_uri(), wait_until="load")
         drawn = lambda: page.evaluate("Number(document.getElementById('view').dataset.drawn ?? 0)")
         page.wait_for_function("document.getElementById('view').dataset.drawn > 0")
+        # What the output can be shown as; nothing without a mesh.
+        ways = page.eval_on_selector_all("#as option", "all => all.map(option => option.value)")
+        if ways:
+            page.wait_for_function("document.getElementById('view').dataset.as")
         seconds = time.monotonic() - began
         canvas = page.locator("#view")
 
@@ -56,12 +60,14 @@ with sync_playwright() as playwright:
         page.focus("#view")
         for key in ("+", "ArrowLeft", "Shift+ArrowUp"):
             pictures.add(seen(lambda: page.keyboard.press(key)))
+        for way in ways[1:]:
+            pictures.add(seen(lambda: page.select_option("#as", way)))
         box = canvas.bounding_box()
         page.mouse.move(box["x"] + 60, box["y"] + 60)
         page.mouse.down()
         pictures.add(seen(lambda: page.mouse.move(box["x"] + 120, box["y"] + 80)))
         page.mouse.up()
-        assert len(pictures) == len(choices) + 8, len(pictures)
+        assert len(pictures) == len(choices) + 8 + len(ways[1:]), len(pictures)
 
         page.add_script_tag(path=str(AXE))
         found = page.evaluate("axe.run().then(result => result.violations)")
@@ -73,6 +79,8 @@ with sync_playwright() as playwright:
         page.select_option("#by", "color")
         page.uncheck("#borders")
         page.fill("#size", "0.8")
+        if ways:
+            page.select_option("#as", ways[0])
         seen(lambda: page.click("#aslant"))
         page.screenshot(path=str(PICTURES / f"viewer-{width}.png"))
         print(f"{width} pixels, {scheme}: seen after {seconds:.2f} s, {len(found)} minor findings")

@@ -70,7 +70,14 @@ pub(super) fn run_and_report(
     let is_complete = |input: &InputCount| input.rejected == 0 && input.left_out.is_none();
     job.run_and_report(progress, cancel, |outcome| {
         let output = job.output.display().to_string();
-        let report = Report::new(outcome, &output, settings(job), length_unit(job));
+        let mesh = job.mesh.as_ref().map(|path| path.display().to_string());
+        let report = Report::new(
+            outcome,
+            &output,
+            mesh.as_deref(),
+            settings(job),
+            length_unit(job),
+        );
         done = Some(Done {
             pages: write_report(job, &report)?,
             report,

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{squares::AreaMap, tallies::TileTallies};
+use super::{mesh::MeshReport, squares::AreaMap, tallies::TileTallies};
 use crate::{
     geometry::Quantization,
     job::{InputCount, Outcome, ResourceSample, StageCost},
@@ -35,6 +35,9 @@ pub(crate) struct Report {
     /// The nearest distances, iteration by iteration and in histograms.
     #[serde(flatten)]
     pub(super) nearest: NearestDistances,
+    /// The figures of the mesh, if one was written.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) mesh: Option<MeshReport>,
     /// Pictures, maps and samples of points.
     #[serde(skip)]
     pub(super) views: Views,
@@ -206,11 +209,12 @@ pub(super) struct Costs {
 }
 
 impl Report {
-    /// Makes the report of a job that wrote `output` by `settings`, whose values are JSON, with
-    /// lengths in the unit of the name `length_unit`.
+    /// Makes the report of a job that wrote `output`, and its mesh to `mesh` if there is one, by `settings`,
+    /// whose values are JSON, with lengths in the unit of the name `length_unit`.
     pub(crate) fn new(
         outcome: &Outcome,
         output: &str,
+        mesh: Option<&str>,
         settings: Vec<(String, String)>,
         length_unit: &'static str,
     ) -> Self {
@@ -251,6 +255,8 @@ impl Report {
                 histogram_input: tallies.input.histogram(BINS, SPANNED),
                 histogram_output: outcome.stitched.all.histogram(BINS, SPANNED),
             },
+            mesh: (outcome.mesh.as_ref().zip(mesh))
+                .map(|(figures, file)| MeshReport::new(figures, file)),
             views: Views {
                 detail: outcome.views.detail.clone(),
                 viewer_sample: outcome.views.viewer_sample.clone(),

@@ -8,6 +8,7 @@ mod contents;
 mod figure_tables;
 mod html;
 mod map;
+mod mesh;
 mod numbers;
 mod page;
 mod scenes;

@@ -6,6 +6,7 @@ use super::{
     figure_tables::{figures, inputs, seams, settings, stages},
     html::{STYLE, escape},
     map,
+    mesh::MeshReport,
     numbers::{figure, thousands},
     scenes::{before_and_after, overview, worst},
     tile_map::tile_map,
@@ -37,7 +38,7 @@ impl Report {
 }
 
 /// Returns titles and contents; a section without content is left out.
-fn sections(report: &Report) -> [(&'static str, String); 14] {
+fn sections(report: &Report) -> [(&'static str, String); 15] {
     [
         ("Output", overview(&report.views.overview)),
         ("Figures", figures(report)),
@@ -50,6 +51,10 @@ fn sections(report: &Report) -> [(&'static str, String); 14] {
         (
             "Distances between input and output, in spacings",
             distances(report),
+        ),
+        (
+            "Mesh",
+            (report.mesh.as_ref()).map_or(String::new(), MeshReport::section),
         ),
         ("Map", map::map(&report.views.map, &report.tiles)),
         ("Least even squares", worst(&report.worst)),

@@ -24,6 +24,9 @@ impl Report {
             let (question, answer) = (verdict.question, verdict.answer);
             text += &format!("{question:<9} {answer:<5} {}\n", verdict.figures);
         }
+        if let Some(mesh) = &self.mesh {
+            text += &format!("mesh      {}\n", mesh.summary());
+        }
         let costs = &self.costs;
         let all: f64 = costs.stages.iter().map(|stage| stage.seconds).sum();
         let stages = costs.stages.iter();

@@ -20,6 +20,14 @@ pub(crate) const VIEWER_PAGE: &str = ".viewer.html";
 /// makes them.
 const THREE: &str = include_str!("three.min.js");
 const SCRIPT: &str = include_str!("viewer.js");
+/// What follows the script on pages with a mesh.
+const MESH_SCRIPT: &str = include_str!("viewer_mesh.js");
+/// The choice of what is shown of the output.
+const MESH_CONTROL: &str = "
+<label>output as <select id=\"as\"><option value=\"mesh\">mesh</option>\
+<option value=\"edges\">mesh with edges</option><option value=\"points\">points</option></select></label>";
+const MESH_HELP: &str = "
+Triangles are blue-grey from behind; points without a triangle are drawn as points.";
 const PAGE: &str = include_str!("viewer.html");
 const VIEWER_STYLE: &str = include_str!("viewer.css");
 
@@ -31,20 +39,25 @@ impl Report {
         if sample.after.is_empty() {
             return None;
         }
+        let has_mesh = !sample.triangles.is_empty();
+        let with_mesh = |text: &'static str| if has_mesh { text } else { "" };
         let page = PAGE
             .replace("{TITLE}", &escape(&self.run.output))
             .replace("{STYLE}", &[STYLE, VIEWER_STYLE].concat())
             .replace("{ABOUT}", &location(sample, self.length_unit))
             .replace("{BEFORE}", &shown_of_input(sample))
-            .replace("{AFTER}", &thousands(sample.after.len() as u64))
+            .replace("{AFTER}", &shown_of_output(sample))
+            .replace("{MESH CONTROL}", with_mesh(MESH_CONTROL))
+            .replace("{MESH HELP}", with_mesh(MESH_HELP))
             .replace("{OPTIONS}", &options(sample))
             .replace("{PLACE}", &description(self, sample).to_string());
         // These are long, and so come last: no name is searched in them.
         let long = [
             ("{POINTS BEFORE}", packed(&sample.before)),
             ("{POINTS AFTER}", packed(&sample.after)),
+            ("{TRIANGLES}", triangles_element(&sample.triangles)),
             ("{THREE}", THREE.to_owned()),
-            ("{SCRIPT}", SCRIPT.to_owned()),
+            ("{SCRIPT}", [SCRIPT, with_mesh(MESH_SCRIPT)].concat()),
         ];
         filled(&page, &long)
     }
@@ -69,7 +82,7 @@ fn filled(template: &str, contents: &[(&str, String)]) -> Option<String> {
 /// Returns what `viewer.js` must know of the square.
 fn description(report: &Report, sample: &ViewerSample) -> Value {
     let [low, high] = sample.heights;
-    json!({
+    let mut description = json!({
         "side": sample.side,
         "spacing": sample.spacing,
         "usual": report.evenness.output.mean / sample.spacing,
@@ -79,7 +92,11 @@ fn description(report: &Report, sample: &ViewerSample) -> Value {
         "before": sample.before.len(),
         "after": sample.after.len(),
         "borders": sample.borders,
-    })
+    });
+    if !sample.triangles.is_empty() {
+        description["triangles"] = sample.triangles.len().into();
+    }
+    description
 }
 
 /// Returns the attributes that points can be coloured by, as options of a list; the first is
@@ -127,6 +144,46 @@ fn shown_of_input(sample: &ViewerSample) -> String {
     }
 }
 
+/// Returns how many points of the output are shown, with their triangles if there are any.
+fn shown_of_output(sample: &ViewerSample) -> String {
+    let points = format!("{} points", thousands(sample.after.len() as u64));
+    match sample.triangles.len() as u64 {
+        0 => points,
+        triangles => format!("{points}, {} triangles", thousands(triangles)),
+    }
+}
+
+/// Returns the element with `triangles` as `viewer_mesh.js` unpacks them; nothing if there are none.
+fn triangles_element(triangles: &[[u32; 3]]) -> String {
+    match triangles.is_empty() {
+        true => String::new(),
+        false => format!(
+            "\n<script type=\"text/plain\" id=\"triangles\">{}</script>",
+            packed_triangles(triangles)
+        ),
+    }
+}
+
+/// Returns triangles in ascending order, the least corner first: the least corner (difference from the triangle before) and
+/// the two others (differences from the least), each in four planes of bytes, compressed, as text. A triangle takes
+/// two to three bytes of it: those of a square with 150 000 points some 0.8 MB.
+fn packed_triangles(triangles: &[[u32; 3]]) -> String {
+    let mut last = 0;
+    let differences = triangles.iter().map(|&[a, b, c]| {
+        let steps = [a - last, b - a, c - a];
+        last = a;
+        steps.map(u32::to_le_bytes)
+    });
+    let differences: Vec<[[u8; 4]; 3]> = differences.collect();
+    let mut planes = Vec::with_capacity(12 * triangles.len());
+    for corner in 0..3 {
+        for byte in 0..4 {
+            planes.extend(differences.iter().map(|steps| steps[corner][byte]));
+        }
+    }
+    compressed(&planes)
+}
+
 /// Returns points as `viewer.js` unpacks them: planes of x, y and z (differences from the point
 /// before, in steps, 16 bits), red, green, blue, intensity, class and distance, compressed, as
 /// text.
@@ -146,8 +203,13 @@ fn packed(points: &[ViewerPoint]) -> String {
     planes.extend(points.iter().map(|point| point.intensity));
     planes.extend(points.iter().map(|point| point.class));
     planes.extend(points.iter().map(|point| point.distance));
+    compressed(&planes)
+}
+
+/// Returns `planes` compressed, as text.
+fn compressed(planes: &[u8]) -> String {
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
     // Writing to memory does not fail.
-    let compressed = encoder.write_all(&planes).and_then(|()| encoder.finish());
+    let compressed = encoder.write_all(planes).and_then(|()| encoder.finish());
     STANDARD.encode(compressed.unwrap_or_default())
 }

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{cloud_pair::CloudPair, error::ViewError};
+use super::{cloud_pair::CloudPair, error::ViewError, square_triangles::SquareTriangles};
 use crate::{
     geometry::{NeighborGrid, Rect, Stored},
     las::DisplayAttributes,
@@ -30,6 +30,9 @@ pub(crate) struct ViewerSample {
     pub(crate) before: Vec<ViewerPoint>,
     /// The points of the output.
     pub(crate) after: Vec<ViewerPoint>,
+    /// The triangles between points of the output, in ascending order: the indices of their corners in `after`, the
+    /// least first, counterclockwise as seen from the front. Empty without a mesh.
+    pub(crate) triangles: Vec<[u32; 3]>,
     /// The west, south, east and north borders of the tiles that meet in the square.
     pub(crate) borders: Vec<[f64; 4]>,
 }
@@ -63,14 +66,14 @@ const DISTANCE_UNITS_PER_SPACING: f64 = 128.0;
 type SeenPoint = (Stored, DisplayAttributes);
 
 impl CloudPair<'_> {
-    /// Cuts out a square where tiles meet, if any do, near the corner of `tile`; the sample is
-    /// empty if the tile has no site.
+    /// Cuts out the square of `mesh`, whose triangles are shown with its points; the sample is empty if there is
+    /// no square.
     ///
     /// # Errors
     ///
     /// [`ViewError::Tile`] if a temporary file cannot be read.
-    pub(crate) fn viewer_sample(&self, tile: u32) -> Result<ViewerSample, ViewError> {
-        let Some(square) = self.viewer_square(tile)? else {
+    pub(crate) fn viewer_sample(&self, mesh: &SquareTriangles) -> Result<ViewerSample, ViewError> {
+        let Some(square) = mesh.square else {
             return Ok(ViewerSample::default());
         };
         let (input_points, before) = self.seen_input(&square)?;
@@ -86,6 +89,11 @@ impl CloudPair<'_> {
         let Some(frame) = Frame::of(square, &before, &after) else {
             return Ok(ViewerSample::default());
         };
+        let after = sorted(
+            (after.iter().zip(distances))
+                .map(|(seen, distance)| frame.show(seen, distance))
+                .collect(),
+        );
         let scale = self.quantization.scale;
         Ok(ViewerSample {
             side: frame.side() as f64 * scale,
@@ -99,11 +107,8 @@ impl CloudPair<'_> {
             has_color: frame.brightest > 0,
             input_points,
             before: sorted(before.iter().map(|seen| frame.show(seen, 0)).collect()),
-            after: sorted(
-                (after.iter().zip(distances))
-                    .map(|(seen, distance)| frame.show(seen, distance))
-                    .collect(),
-            ),
+            triangles: frame.triangles(&mesh.triangles, &after),
+            after,
             borders: self.borders(&square),
         })
     }
@@ -223,25 +228,100 @@ impl Frame {
     /// Converts a point, whose nearest `distance` is given, to what the viewer shows.
     fn show(&self, (point, attributes): &SeenPoint, distance: u8) -> ViewerPoint {
         ViewerPoint {
-            position: [
-                i64::from(point.x) - self.square.min[0],
-                i64::from(point.y) - self.square.min[1],
-                i64::from(point.z) - i64::from(self.lowest),
-            ]
-            .map(|c| (c as f64 / self.step).round() as u16),
+            position: self.position(point),
             color: attributes.color_in_bytes(self.brightest),
             intensity: (255.0 * f64::from(attributes.intensity) / self.strong_intensity) as u8,
             class: attributes.class,
             distance,
         }
     }
+
+    /// Converts the coordinates of a point to those of [`ViewerPoint::position`].
+    fn position(&self, point: &Stored) -> [u16; 3] {
+        [
+            i64::from(point.x) - self.square.min[0],
+            i64::from(point.y) - self.square.min[1],
+            i64::from(point.z) - i64::from(self.lowest),
+        ]
+        .map(|c| (c as f64 / self.step).round() as u16)
+    }
+
+    /// Converts triangles between the points `after`, which are sorted, to those of [`ViewerSample::triangles`]. A
+    /// triangle of which two corners are shown at one position is left out.
+    fn triangles(&self, triangles: &[[Stored; 3]], after: &[ViewerPoint]) -> Vec<[u32; 3]> {
+        let index = |point: &Stored| {
+            let key = order(self.position(point));
+            let found = after.binary_search_by_key(&key, |shown| order(shown.position));
+            found.ok().and_then(|index| u32::try_from(index).ok())
+        };
+        let mut shown: Vec<[u32; 3]> = triangles
+            .par_iter()
+            .filter_map(|[a, b, c]| {
+                let mut corners = [index(a)?, index(b)?, index(c)?];
+                let [a, b, c] = corners;
+                // A rotation leaves the front where it is.
+                corners.rotate_left(match a.min(b).min(c) {
+                    least if least == a => 0,
+                    least if least == b => 1,
+                    _ => 2,
+                });
+                (a != b && b != c && c != a).then_some(corners)
+            })
+            .collect();
+        shown.par_sort_unstable();
+        shown
+    }
 }
 
 /// Sorts `points` by blocks of space: neighbours have similar values, and are compressed well.
 fn sorted(mut points: Vec<ViewerPoint>) -> Vec<ViewerPoint> {
-    points.par_sort_unstable_by_key(|shown| {
-        let [x, y, z] = shown.position;
-        (x >> 10, y >> 10, z >> 7, x, y, z)
-    });
+    points.par_sort_unstable_by_key(|shown| order(shown.position));
     points
+}
+
+/// The key by which points are sorted: their block, then their position in it.
+fn order([x, y, z]: [u16; 3]) -> [u16; 6] {
+    [x >> 10, y >> 10, z >> 7, x, y, z]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triangles_keep_their_corners_and_their_front() {
+        let frame = Frame {
+            square: Rect {
+                min: [100, 100],
+                max: [200, 200],
+            },
+            lowest: -5,
+            heights: [0, 1],
+            step: 0.01,
+            strong_intensity: 1.0,
+            brightest: 0,
+        };
+        let places = [[199, 150], [101, 180], [150, 101], [160, 160]];
+        let stored = places.map(|[x, y]| Stored { x, y, z: x - y });
+        let attributes = DisplayAttributes {
+            intensity: 0,
+            color: [0; 3],
+            class: 0,
+        };
+        let show = |point: &Stored| frame.show(&(*point, attributes), 0);
+        let after = sorted(stored.iter().map(show).collect());
+        let [a, b, c, d] = stored;
+        let triangles = frame.triangles(&[[a, b, c], [b, c, d], [a, a, c]], &after);
+        assert_eq!(triangles.len(), 2);
+        for (corners, expected) in triangles.iter().zip([[b, c, a], [b, c, d]]) {
+            assert!(corners[0] < corners[1] && corners[0] < corners[2]);
+            let positions = corners.map(|corner| after[corner as usize].position);
+            let all = [0, 1, 2].map(|turn| {
+                let mut turned = expected.map(|point| frame.position(&point));
+                turned.rotate_left(turn);
+                turned
+            });
+            assert!(all.contains(&positions), "{corners:?}");
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! Which square of the plane the 3-D viewer shows: one where tiles meet, as large as a browser
 //! can show fluently.
 
-use super::{cloud_pair::CloudPair, error::ViewError};
+use super::{cloud_pair::CloudPair, error::ViewError, square_triangles::SquareTriangles};
 use crate::geometry::Rect;
 
 /// The number of input points in the square, at most.
@@ -13,17 +13,21 @@ const VIEWER_SQUARE_OUTPUT_LIMIT: f64 = 150_000.0;
 const HALF_SIDE_IN_SPACINGS: [f64; 2] = [12.0, 300.0];
 
 impl CloudPair<'_> {
-    /// Chooses the square that the viewer shows, near the corner of `tile`; `None` if the tile has
-    /// no site.
-    pub(super) fn viewer_square(&self, tile: u32) -> Result<Option<Rect>, ViewError> {
-        let Some(middle) = self.site_where_tiles_meet(tile)? else {
-            return Ok(None);
-        };
-        let half = self.half_side(middle);
-        Ok(Some(Rect {
-            min: middle.map(|c| c - half),
-            max: middle.map(|c| c + half),
-        }))
+    /// Chooses the square that the viewer shows: where tiles meet, if any do, near the corner of `tile`. There
+    /// is no square if the tile has no site, and there are no triangles in it yet.
+    ///
+    /// # Errors
+    ///
+    /// [`ViewError::Tile`] if a temporary file cannot be read.
+    pub(crate) fn viewer_square(&self, tile: u32) -> Result<SquareTriangles, ViewError> {
+        let middle = self.site_where_tiles_meet(tile)?;
+        Ok(SquareTriangles::new(middle.map(|middle| {
+            let half = self.half_side(middle);
+            Rect {
+                min: middle.map(|c| c - half),
+                max: middle.map(|c| c + half),
+            }
+        })))
     }
 
     /// Returns the site of `tile` that is nearest to the corner at which it meets most other
