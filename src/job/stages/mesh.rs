@@ -29,21 +29,21 @@ use crate::{
 };
 
 impl MeshSource<'_> {
-    /// Writes the points in order to `writer`, and their mesh to `path`, complete but not yet under its name. Temporary files are
-    /// made in `scratch`. The triangles that are `seen` in the viewer are collected.
+    /// Writes the points in order to `writer`, and their mesh to its file, complete but not yet under its name. Temporary
+    /// files are made in `scratch`. The triangles that are `seen` in the viewer are collected.
     ///
     /// # Errors
     ///
     /// See [`JobError`].
     pub(super) fn write(
         &self,
-        path: &Path,
         scratch: &Path,
         writer: &mut CloudWriter,
         seen: &mut SquareTriangles,
     ) -> Result<(MeshFigures, CompleteMesh), JobError> {
         let triangulated = self.triangulate(scratch)?;
-        let mesh = self.write_both(path, &triangulated, writer, seen)?;
+        let mesh = self.write_both(&triangulated, writer, seen)?;
+        self.run.clock.end_stage("mesh");
         Ok((triangulated.figures, mesh))
     }
 
@@ -162,10 +162,9 @@ impl MeshSource<'_> {
         Ok(())
     }
 
-    /// Writes the points to `writer`, and the mesh to `path`; what the viewer shows of it is `seen`.
+    /// Writes the points to `writer`, and the mesh to its file; what the viewer shows of it is `seen`.
     fn write_both(
         &self,
-        path: &Path,
         triangulated: &Triangulated,
         writer: &mut CloudWriter,
         seen: &mut SquareTriangles,
@@ -174,7 +173,7 @@ impl MeshSource<'_> {
         // Tiles are written behind the points.
         let mut file = match self.tile_edge {
             Some(_) => None,
-            None => Some(self.create_file(path, triangulated)?),
+            None => Some(self.create_file(triangulated)?),
         };
         for cell in 0..self.points.cells().len() {
             self.run.check_cancelled()?;
@@ -200,16 +199,12 @@ impl MeshSource<'_> {
         }
         match file {
             Some(file) => Ok(file.complete()?),
-            None => self.write_tiles(path, triangulated),
+            None => self.write_tiles(triangulated),
         }
     }
 
-    /// Begins the file of the mesh at `path`.
-    fn create_file(
-        &self,
-        path: &Path,
-        triangulated: &Triangulated,
-    ) -> Result<MeshWriter, LasError> {
+    /// Begins the file of the mesh.
+    fn create_file(&self, triangulated: &Triangulated) -> Result<MeshWriter, LasError> {
         let [low, high] = triangulated.extent.bounds;
         let header = MeshHeader {
             vertices: self.points.points(),
@@ -217,6 +212,6 @@ impl MeshSource<'_> {
             bounds: [low, high].map(|point| self.quantization.world(point)),
             ..self.header(&triangulated.extent)
         };
-        MeshWriter::create(path, MeshFormat::of_path(path)?, &header)
+        MeshWriter::create(self.path, MeshFormat::of_path(self.path)?, &header)
     }
 }

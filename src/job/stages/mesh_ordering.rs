@@ -1,5 +1,7 @@
 //! The way from settled records to points in the order of a mesh.
 
+use std::path::Path;
+
 use super::{
     mesh_source::MeshSource,
     ordered_points::{OrderedPoints, OrderingGrids},
@@ -22,22 +24,28 @@ use crate::{
 const MOST_POINTS: u64 = i32::MAX as u64;
 
 /// Records on their way into the order of a mesh.
-pub(super) struct Ordering {
+pub(super) struct Ordering<'a> {
+    /// The file of the mesh.
+    mesh: &'a Path,
     grids: OrderingGrids,
     sorter: Box<dyn RecordSorter>,
 }
 
-impl Ordering {
-    /// Begins to sort the records of a planned job, with temporary files in `scratch`.
+impl<'a> Ordering<'a> {
+    /// Begins to sort the records of a planned job, with temporary files in `scratch`; `None` if the job makes
+    /// no mesh.
     ///
     /// # Errors
     ///
     /// [`JobError`] if no temporary file can be made.
     pub(super) fn begin(
-        run: &RunContext<'_>,
+        run: &'a RunContext<'_>,
         planned: &PlannedJob,
         scratch: &Scratch,
-    ) -> Result<Self, JobError> {
+    ) -> Result<Option<Self>, JobError> {
+        let Some(mesh) = &run.job.mesh else {
+            return Ok(None);
+        };
         let solver = &planned.solver;
         let grids = OrderingGrids::new(solver.options.spacing, &solver.plan.quantization);
         let space = SpillSpace {
@@ -45,10 +53,11 @@ impl Ordering {
             buffer_bytes: run.budget.buffers(),
         };
         let sorter = space.begin(grids.groups, solver.transfer.record().record_length());
-        Ok(Self {
+        Ok(Some(Self {
+            mesh,
             grids,
             sorter: sorter.map_err(|e| unsorted(run, &e))?,
-        })
+        }))
     }
 
     /// Adds records, in any order.
@@ -66,7 +75,7 @@ impl Ordering {
     ///
     /// [`JobError`] if temporary files or the trajectory cannot be read, or the points are too many for a
     /// mesh.
-    pub(super) fn complete<'a>(
+    pub(super) fn complete(
         self,
         run: &'a RunContext<'a>,
         planned: &'a PlannedJob,
@@ -92,6 +101,7 @@ impl Ordering {
         run.progress.end();
         Ok(MeshSource {
             run,
+            path: self.mesh,
             points,
             grids: self.grids,
             record,

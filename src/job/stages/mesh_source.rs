@@ -1,5 +1,7 @@
 //! What the mesh of a cloud is made from: the points in order, and how their records are read.
 
+use std::path::Path;
+
 use super::{
     mesh_cells::{CellMesh, CellMeshes},
     ordered_points::{OrderedPoints, OrderingGrids},
@@ -15,6 +17,8 @@ use crate::{
 /// What the mesh of a cloud is made from.
 pub(super) struct MeshSource<'a> {
     pub(super) run: &'a RunContext<'a>,
+    /// The file of the mesh, or the directory of its tiles.
+    pub(super) path: &'a Path,
     pub(super) points: OrderedPoints,
     pub(super) grids: OrderingGrids,
     pub(super) record: &'a RecordFormat,

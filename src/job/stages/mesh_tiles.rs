@@ -3,10 +3,7 @@
 //! A triangle is in the tile that contains its first corner. Points that triangles of two tiles have in common
 //! are in both, in the same place to the bit, so that no gap can be seen.
 
-use std::{
-    collections::{BTreeMap, HashMap, hash_map::Entry},
-    path::Path,
-};
+use std::collections::{BTreeMap, HashMap, hash_map::Entry};
 
 use super::mesh_source::{MeshSource, Triangulated};
 use crate::{
@@ -34,14 +31,13 @@ struct TileMesh {
 type CellRecords = HashMap<usize, Vec<u8>>;
 
 impl MeshSource<'_> {
-    /// Writes the mesh as tiles to a directory that is to become `path`.
+    /// Writes the mesh as tiles to its directory.
     ///
     /// # Errors
     ///
     /// See [`JobError`].
     pub(super) fn write_tiles(
         &self,
-        path: &Path,
         triangulated: &Triangulated,
     ) -> Result<CompleteMesh, JobError> {
         let squares = Squares::new(self.tile_edge.unwrap_or(f64::MAX), &self.quantization);
@@ -51,7 +47,7 @@ impl MeshSource<'_> {
                 cells_of.entry(square).or_default().push(cell);
             }
         }
-        let directory = MeshTileDirectory::create(path)?;
+        let directory = MeshTileDirectory::create(self.path)?;
         let [low, high] = triangulated
             .extent
             .bounds

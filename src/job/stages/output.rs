@@ -41,9 +41,8 @@ pub(crate) fn complete_output(
     let (job, solver) = (run.job, &planned.solver);
     let plan = &solver.plan.plan;
     let notes_on_points = planned.notes_on_points();
-    notes_on_points
-        .iter()
-        .for_each(|note| run.progress.note(note));
+    let note = |note: &String| run.progress.note(note);
+    notes_on_points.iter().for_each(note);
 
     // Stitch: settle the position of every site.
     let tile_count = plan.tiles.len() as u64;
@@ -65,10 +64,7 @@ pub(crate) fn complete_output(
     let mut map = UniformityMap::of_input(&solver.spill);
     run.progress.begin("write", tile_count, 0, Unit::Tiles);
     let mut writer = create_writer(run, planned, format, &scratch)?;
-    let mut ordering = match &job.mesh {
-        Some(_) => Some(Ordering::begin(run, planned, &scratch)?),
-        None => None,
-    };
+    let mut ordering = Ordering::begin(run, planned, &scratch)?;
     let mut write = |records: &[u8]| match &mut ordering {
         Some(ordering) => ordering.push(run, records),
         None => Ok(writer.write(records)?),
@@ -83,16 +79,12 @@ pub(crate) fn complete_output(
     let mut seen = cloud.viewer_square(largest)?;
 
     // Find the triangles, and write the records in the order of the mesh.
-    let mesh = match (&job.mesh, ordering) {
-        (Some(path), Some(ordering)) => {
-            let maker = ordering.complete(run, planned, &scratch)?;
-            let mesh = maker.write(path, scratch.path(), &mut writer, &mut seen)?;
-            run.clock.end_stage("mesh");
-            Some(mesh)
-        }
-        _ => None,
+    let mesh = match ordering {
+        Some(ordering) => Some(ordering.complete(run, planned, &scratch)?),
+        None => None,
     };
-    let (mesh_figures, mesh) = mesh.unzip();
+    let mesh = mesh.map(|mesh| mesh.write(scratch.path(), &mut writer, &mut seen));
+    let (mesh_figures, mesh) = mesh.transpose()?.unzip();
 
     // Make the views for the report.
     let views = ResultViews::new(&cloud, map, writer.points(), largest, &seen)?;
@@ -124,13 +116,8 @@ pub(crate) fn complete_output(
         costs: RunCosts { stages, samples },
         notes: notes.collect(),
     };
-    Ok((
-        outcome,
-        CompleteOutput {
-            cloud: complete,
-            mesh,
-        },
-    ))
+    let cloud = complete;
+    Ok((outcome, CompleteOutput { cloud, mesh }))
 }
 
 /// Settles the position of every site, and reports the end of the stage.
