@@ -7,9 +7,9 @@ use super::extra_bytes::ExtraAttribute;
 pub(in crate::las) const CRS_COMMENT: &str = "crs ";
 /// The beginning of a comment that continues the last one about the coordinate reference system.
 pub(in crate::las) const CRS_CONTINUED: &str = "crs+ ";
-/// The most bytes of a line with a part of the coordinate reference system: programs that read PLY by the library `RPly`
-/// refuse lines of more than 1023.
-const LONGEST_CRS_PART: usize = 900;
+/// The most bytes of a part of the coordinate reference system in a line: MeshLab refuses headers with lines of 511 bytes
+/// and more, the library `RPly` of 1024.
+const LONGEST_CRS_PART: usize = 400;
 /// The beginning of a comment that describes an extra-bytes attribute: the 192 bytes of its
 /// LAS descriptor in hexadecimal digits.
 pub(in crate::las) const EXTRA_BYTES_COMMENT: &str = "extra bytes ";
@@ -186,7 +186,7 @@ mod tests {
         assert!(
             lines
                 .lines()
-                .all(|line| line.len() < 1000 && line.trim() == line)
+                .all(|line| line.len() < 500 && line.trim() == line)
         );
         let parts = lines.lines().map(|line| {
             let comment = line.strip_prefix("comment ").unwrap();
