@@ -7,8 +7,8 @@ use super::extra_bytes::ExtraAttribute;
 pub(in crate::las) const CRS_COMMENT: &str = "crs ";
 /// The beginning of a comment that continues the last one about the coordinate reference system.
 pub(in crate::las) const CRS_CONTINUED: &str = "crs+ ";
-/// The most bytes of a part of the coordinate reference system in a line: MeshLab refuses headers with lines of 511 bytes
-/// and more, the library `RPly` of 1024.
+/// The most bytes of a part of the coordinate reference system in a line: some programs refuse headers with lines of 511
+/// bytes and more, the library `RPly` of 1024.
 const LONGEST_CRS_PART: usize = 400;
 /// The beginning of a comment that describes an extra-bytes attribute: the 192 bytes of its
 /// LAS descriptor in hexadecimal digits.
