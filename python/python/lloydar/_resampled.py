@@ -100,7 +100,8 @@ class Resampled:
         outwards where a piece of the mesh encloses a volume. It is the mesh that `run` writes for the same points,
         found when it is first asked for.
         """
-        return self._rings.triangles(self.points, self.normals)
+        triangles: npt.NDArray[np.uint32] = self._rings.triangles(self.points, self.normals)
+        return triangles
 
     def ring(self, index: int) -> tuple[npt.NDArray[np.uint32], bool]:
         """Returns the neighbours of an output point.
