@@ -1,7 +1,7 @@
 //! Meshes that jobs write: between the points of their clouds, and the same whatever the tiles.
 
 use std::{
-    collections::{BTreeSet, HashMap},
+    collections::{BTreeMap, BTreeSet, HashMap},
     fs,
     path::Path,
     thread,
@@ -17,6 +17,8 @@ use lloydar::{
 use crate::running::{lloydar, points_in_order, report, run, start, street, succeed, text};
 
 const SPACING: &str = "0.3";
+/// The ASPRS classes of what has no surface, or one narrower than a spacing: foliage, wires, poles and stems.
+const WITHOUT_SURFACE: [u8; 3] = [5, 14, 15];
 
 /// A mesh as an OBJ file has it.
 struct Mesh {
@@ -171,41 +173,114 @@ fn tiles_threads_memory_and_kills_do_not_show_in_the_mesh() {
     assert!((fs::read(&mesh).unwrap(), points_in_order(&cloud)) == whole);
 }
 
+/// The number of triangles in a GLB file.
+fn triangles_in(glb: &[u8]) -> u64 {
+    let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+    let json: serde_json::Value = serde_json::from_slice(&glb[20..20 + length]).unwrap();
+    let indices = &json["meshes"][0]["primitives"][0]["indices"];
+    let accessor = &json["accessors"][indices.as_u64().unwrap() as usize];
+    accessor["count"].as_u64().unwrap() / 3
+}
+
+/// The files in a directory by their names.
+fn files_in(dir: &Path) -> BTreeMap<String, Vec<u8>> {
+    let files = fs::read_dir(dir).unwrap().map(|entry| {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_str().unwrap().to_owned();
+        (name, fs::read(path).unwrap())
+    });
+    files.collect()
+}
+
+/// Collects the contents of a tile and of all below, whose errors are smaller.
+fn collect_contents(tile: &serde_json::Value, contents: &mut Vec<String>) {
+    contents.extend(tile["content"]["uri"].as_str().map(str::to_owned));
+    let error = tile["geometricError"].as_f64().unwrap();
+    for child in tile["children"].as_array().into_iter().flatten() {
+        assert!(child["geometricError"].as_f64().unwrap() < error);
+        collect_contents(child, contents);
+    }
+}
+
 #[test]
-fn a_mesh_in_tiles_has_all_triangles_once() {
+fn a_mesh_in_tiles_has_all_triangles_once_and_coarser_levels_above() {
     let dir = tempfile::tempdir().unwrap();
     let scans = street(dir.path());
-    let (cloud, tiles) = (dir.path().join("even"), dir.path().join("tiles"));
-    let more = [
-        "--spacing",
-        SPACING,
-        "--output-tiles",
-        "20",
-        "--mesh",
-        text(&tiles),
-    ];
-    succeed(&scans, &cloud, &more);
-    let index = fs::read_to_string(tiles.join("tileset.json")).unwrap();
-    let index: serde_json::Value = serde_json::from_str(&index).unwrap();
+    let mesh_of = |name: &str| dir.path().join(format!("{name}-mesh"));
+    let words = |name: &str| {
+        let words = ["--spacing", SPACING, "--output-tiles", "15", "--mesh"];
+        [
+            &words.map(str::to_owned)[..],
+            &[text(&mesh_of(name)).to_owned()],
+        ]
+        .concat()
+    };
+    let tiles_of = |name: &str, more: &[&str]| {
+        let words = words(name);
+        let words: Vec<&str> = words
+            .iter()
+            .map(String::as_str)
+            .chain(more.iter().copied())
+            .collect();
+        succeed(&scans, &dir.path().join(name), &words);
+        assert!(!dir.path().join(format!("{name}.job")).exists());
+        files_in(&mesh_of(name))
+    };
+    let files = tiles_of("even", &["--threads", "2"]);
+    let report = report(&dir.path().join("even"));
+
+    // Every tile is in the index, once.
+    let index: serde_json::Value = serde_json::from_slice(&files["tileset.json"]).unwrap();
     assert_eq!(index["asset"]["version"], "1.1");
-    let mut triangles = 0;
-    let mut contents = 0;
-    for entry in fs::read_dir(&tiles).unwrap() {
-        let path = entry.unwrap().path();
-        if path.extension().is_some_and(|ending| ending == "glb") {
-            let bytes = fs::read(&path).unwrap();
-            let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
-            let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
-            let indices = &json["meshes"][0]["primitives"][0]["indices"];
-            let accessor = &json["accessors"][indices.as_u64().unwrap() as usize];
-            triangles += accessor["count"].as_u64().unwrap() / 3;
-            contents += 1;
-        }
-    }
-    assert!(contents >= 6, "{contents}");
-    let report = fs::read_to_string(dir.path().join("even.report.json")).unwrap();
-    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    let mut contents = Vec::new();
+    collect_contents(&index["root"], &mut contents);
+    contents.sort();
+    let tiles: Vec<&String> = files
+        .keys()
+        .filter(|name| *name != "tileset.json")
+        .collect();
+    assert!(contents.iter().eq(tiles));
+
+    // Each level has the triangles of its mesh, and about a quarter of those below.
+    let counts_of = |level: usize| {
+        let prefix = format!("level{level}_");
+        let tiles = files.iter().filter(|(name, _)| name.starts_with(&prefix));
+        let counts: Vec<u64> = tiles.map(|(_, bytes)| triangles_in(bytes)).collect();
+        (counts.len(), counts.iter().sum::<u64>())
+    };
+    let (mut tiles, mut triangles) = counts_of(0);
+    assert!(tiles >= 6, "{tiles}");
     assert_eq!(report["mesh"]["triangles"], triangles);
+    let levels = report["mesh"]["coarser_levels"].as_array().unwrap();
+    for (level, expected) in (1..).zip(levels) {
+        let above = counts_of(level);
+        assert_eq!(expected["tiles"], above.0);
+        assert_eq!(expected["triangles"], above.1);
+        assert!(above.0 <= tiles);
+        let share = above.1 as f64 / triangles as f64;
+        assert!((0.15..0.3).contains(&share), "level {level}: {share}");
+        (tiles, triangles) = above;
+    }
+    assert!(levels.len() >= 2 && (tiles == 1 || triangles < 2500));
+
+    for more in [&["--threads", "1"][..], &["--memory", "160MiB"]] {
+        assert!(tiles_of(&more.concat(), more) == files, "{more:?}");
+    }
+
+    // Killed while a coarser level is made, and continued.
+    let killed = dir.path().join("killed");
+    let output = ["run", text(&scans), "-q", "-o", text(&killed)].map(str::to_owned);
+    let output = [&output[..], &words("killed")].concat();
+    let mut job = start(&output.iter().map(String::as_str).collect::<Vec<_>>());
+    let levels = dir.path().join("killed.job").join("levels");
+    let is_running = |job: &mut std::process::Child| job.try_wait().unwrap().is_none();
+    while is_running(&mut job) && !levels.exists() {
+        thread::sleep(Duration::from_millis(5));
+    }
+    job.kill().unwrap();
+    job.wait().unwrap();
+    assert!(levels.exists() && !mesh_of("killed").exists());
+    assert!(tiles_of("killed", &[]) == files);
 }
 
 #[test]
@@ -373,25 +448,30 @@ fn on_a_street_surfaces_have_no_holes_and_triangles_lie_on_them() {
     );
     let mesh = Mesh::read(&path);
 
-    // Where the street was scanned, by cells of half a spacing.
+    // Where the surfaces of the street were scanned, and what has none, by cells of half a spacing.
     let cell = |[x, y, z]: [f64; 3]| [x, y, z].map(|c| (c / (0.5 * spacing)).floor() as i64);
     let mut scanned: HashMap<[i64; 3], Vec<[f64; 3]>> = HashMap::new();
+    let mut without_surface = scanned.clone();
     for file in ["pass-1.laz", "pass-2.laz"] {
         let all = las::Reader::from_path(scans.join(file))
             .unwrap()
             .read_all()
             .unwrap();
-        for ((x, y), z) in all.x().zip(all.y()).zip(all.z()) {
-            scanned.entry(cell([x, y, z])).or_default().push([x, y, z]);
+        for (((x, y), z), class) in all.x().zip(all.y()).zip(all.z()).zip(all.classification()) {
+            let places = match WITHOUT_SURFACE.contains(&u8::from(class)) {
+                true => &mut without_surface,
+                false => &mut scanned,
+            };
+            places.entry(cell([x, y, z])).or_default().push([x, y, z]);
         }
     }
     let distance =
         |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();
-    let is_scanned = |place: [f64; 3]| {
+    let is_among = |points: &HashMap<[i64; 3], Vec<[f64; 3]>>, place: [f64; 3]| {
         let [i, j, k] = cell(place);
         let cells = (0..27).map(|n| [i + n / 9 - 1, j + n / 3 % 3 - 1, k + n % 3 - 1]);
         cells
-            .filter_map(|cell| scanned.get(&cell))
+            .filter_map(|cell| points.get(&cell))
             .flatten()
             .any(|&p| distance(p, place) < 0.5 * spacing)
     };
@@ -408,18 +488,18 @@ fn on_a_street_surfaces_have_no_holes_and_triangles_lie_on_them() {
     for (&[from, to], tips) in &opposite {
         let [a, b, c] = [from, to, tips[0]].map(|k| mesh.vertices[k]);
         let middle = [0, 1, 2].map(|k| 0.5 * (a[k] + b[k]));
-        if truth.distance_to_edge(middle) <= 2.0 * spacing {
+        if truth.distance_to_edge(middle) <= 2.0 * spacing || is_among(&without_surface, middle) {
             continue;
         }
         far += 1;
         // What lies beyond an open edge is a border if the scan has nothing there.
-        let beyond = [0.4, 0.8].map(|far| [0, 1, 2].map(|k| middle[k] + far * (middle[k] - c[k])));
-        let is_open = tips.len() == 1 && beyond.into_iter().all(is_scanned);
-        open += usize::from(is_open);
+        let beyond =
+            [0.4, 0.8, 1.2].map(|far| [0, 1, 2].map(|k| middle[k] + far * (middle[k] - c[k])));
+        let goes_on = beyond.into_iter().all(|place| is_among(&scanned, place));
+        open += usize::from(tips.len() == 1 && goes_on);
     }
-    assert!(far > 20_000, "{far}");
-    // Poles and stems, thinner than a spacing, have no edges in this sense.
-    assert!((open as f64) < 0.004 * f64::from(far), "{open} of {far}");
+    assert!(far > 50_000, "{far}");
+    assert!(1000 * open <= far, "{open} of {far}");
 
     // Across a sharp edge a triangle cuts the corner.
     let mean = |places: &mut dyn Iterator<Item = [f64; 3]>| {

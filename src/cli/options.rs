@@ -179,7 +179,7 @@ struct OutputOptions {
     #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
     /// Places where scanners stood, towards which the mesh looks: x,y,z or
-    /// x,y,z;x,y,z [default: the mesh looks upwards, or outwards]
+    /// x,y,z;x,y,z [default: the poses of E57 scans, else it looks upwards, or outwards]
     #[arg(long, value_name = "PLACES", allow_hyphen_values = true)]
     scanner: Option<Places>,
     /// Way of a moving scanner, towards which the mesh looks: a CSV file with the columns time,

@@ -10,18 +10,21 @@
 //! A later run of the same job finds them and does not repeat completed work.
 //!
 //! * [`request`] is the builder that programs use; [`description`] states inputs, output and
-//!   settings, validated; [`run`] has the order of the stages;
-//!   [`context`] contains what every stage works with.
+//!   settings, validated; [`complete`] has the order of the stages, and [`run`] gives what they
+//!   made its name; [`context`] contains what every stage works with; [`mesh_levels`] makes the
+//!   coarser levels of a mesh, each as a job of its own.
 //! * [`stages`] has a file for each stage.
 //! * [`directory`] and [`resources`] manage disk, memory and time.
 //! * [`cluster`] lets several processes share a job; [`measure`] gives the figures of any cloud.
 
 mod cluster;
+mod complete;
 mod context;
 mod description;
 mod directory;
 mod error;
 mod measure;
+mod mesh_levels;
 mod outcome;
 mod progress;
 mod request;
@@ -35,6 +38,7 @@ pub(crate) use description::JobDescription;
 pub(crate) use directory::{default_directory, write_file};
 pub use error::JobError;
 pub(crate) use measure::{Measured, measure, measure_against_surface};
+pub(crate) use outcome::MeshLevel;
 pub use outcome::Outcome;
 pub use progress::{Progress, Quiet, Standing, Unit};
 pub use request::Job;

@@ -1,5 +1,7 @@
 //! The outcome of a job: everything that the report says.
 
+use serde::Serialize;
+
 use super::{
     resources::{ResourceSample, StageCost},
     stages::{InputCount, plan::JobPlan, views::ResultViews, write::Stitched},
@@ -23,9 +25,11 @@ pub struct Outcome {
     pub(crate) written: WrittenCloud,
     /// The figures of the mesh, if one was written.
     pub(crate) mesh: Option<MeshFigures>,
+    /// The coarser levels of a mesh in tiles.
+    pub(crate) mesh_levels: Vec<MeshLevel>,
     /// Pictures and samples of input and output.
     pub(crate) views: ResultViews,
-    /// Time, memory and disk of the run.
+    /// Time, memory and disk of the run, once it has ended.
     pub(crate) costs: RunCosts,
     /// Facts about inputs and points that are worth a line.
     pub(crate) notes: Vec<String>,
@@ -63,8 +67,21 @@ pub(crate) struct WrittenCloud {
     pub(crate) delta_by_tile: Vec<f64>,
 }
 
+/// A coarser level of a mesh in tiles.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct MeshLevel {
+    /// The spacing of its points (CRS units).
+    pub(crate) spacing: f64,
+    /// The number of points.
+    pub(crate) points: u64,
+    /// The number of triangles.
+    pub(crate) triangles: u64,
+    /// The number of tiles.
+    pub(crate) tiles: u64,
+}
+
 /// Time, memory and disk of a run.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct RunCosts {
     /// Time and memory of each stage.
     pub(crate) stages: Vec<StageCost>,

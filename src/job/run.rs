@@ -1,35 +1,23 @@
-//! A job from its inputs to its output: the order of the stages.
+//! A job from its inputs to its output.
 
 use std::sync::atomic::AtomicBool;
 
 use super::{
-    cluster::{Worker, block_files},
+    cluster::Worker,
+    complete::{CompletedJob, complete_job},
     context::RunContext,
     description::JobDescription,
     directory::Stamp,
     error::JobError,
-    outcome::Outcome,
+    mesh_levels::add_coarser_levels,
+    outcome::{Outcome, RunCosts},
     progress::Progress,
     stages::{
-        output::{CompleteOutput, complete_output},
-        plan::JobPlan,
-        planned_job::PlannedJob,
-        preparation::prepare,
+        mesh_tiles::MeshTiles, plan::JobPlan, planned_job::PlannedJob, preparation::prepare,
         scatter::SpillReaders,
-        solve::solve_missing,
     },
 };
-
-/// Approximate share of the first of two rounds in the time of solving.
-const SHARE_OF_FIRST_ROUND: f64 = 0.55;
-/// Expected seconds of the stages after the tiles are solved, per million points of the output.
-const STITCH_SECONDS_PER_MILLION: f64 = 0.2;
-const WRITE_SECONDS_PER_MILLION: f64 = 0.5;
-const SORT_SECONDS_PER_MILLION: f64 = 0.7;
-/// Expected seconds of the mesh, per million points of the output.
-const MESH_SECONDS_PER_MILLION: f64 = 4.0;
-/// Expected seconds of the views of the result.
-const VIEW_SECONDS: f64 = 0.2;
+use crate::las::{CompleteCloud, CompleteMesh};
 
 impl JobDescription {
     /// Does the job, and continues from what an earlier run of the same job completed.
@@ -50,28 +38,32 @@ impl JobDescription {
     ) -> Result<Option<Outcome>, JobError> {
         let format = self.check_output()?;
         let threads = self.settings.resources.threads;
-        let worker = Worker::until_all_is_done(threads);
         RunContext::with(self, threads, progress, cancel, |run| {
-            // Survey the headers, scatter the points, choose the spacing, plan the tiles.
-            let readers = SpillReaders::ThisProcess;
-            let Some(planned) = run.pool.install(|| prepare(run, &worker, readers))? else {
+            let mut tiles = match (&self.mesh, self.mesh_tile_edge()) {
+                (Some(path), Some(edge)) => Some(MeshTiles::create(path, edge)?),
+                _ => None,
+            };
+            let Some(mut completed) = complete_job(run, format, tiles.as_mut())? else {
                 return Ok(None);
             };
-            run.progress
-                .expect(&self.seconds_ahead(&planned.solver.plan));
-
-            // Solve the tiles that no earlier run has solved.
-            let others = block_files(planned.directory.path())?;
-            let solved = solve_missing(run, &planned, others)?;
-            run.clock.end_stage("solve");
-
-            // Stitch the tiles and write the cloud, aside.
-            let complete = || complete_output(run, &planned, &solved, format);
-            let (outcome, output) = run.pool.install(complete)?;
+            if let Some(tiles) = &mut tiles {
+                completed.outcome.mesh_levels = add_coarser_levels(run, &completed, tiles)?;
+            }
+            let CompletedJob {
+                planned,
+                mut outcome,
+                output,
+            } = completed;
+            let mesh = match tiles {
+                Some(tiles) => Some(tiles.complete()?),
+                None => output.mesh,
+            };
 
             // Report, and give the output its name.
+            let (stages, samples) = run.clock.stop(&self.dir);
+            outcome.costs = RunCosts { stages, samples };
             report(&outcome)?;
-            self.deliver(planned, output)?;
+            self.deliver(planned, output.cloud, mesh)?;
             Ok(Some(outcome))
         })
     }
@@ -103,8 +95,12 @@ impl JobDescription {
 
     /// Gives the output its name, and removes the job directory. A run that is killed between the
     /// two is recognized by the stamp of the output in the job directory.
-    fn deliver(&self, mut planned: PlannedJob, output: CompleteOutput) -> Result<(), JobError> {
-        let CompleteOutput { cloud, mesh } = output;
+    fn deliver(
+        &self,
+        mut planned: PlannedJob,
+        cloud: CompleteCloud,
+        mesh: Option<CompleteMesh>,
+    ) -> Result<(), JobError> {
         if let Some(mesh) = mesh {
             // A run that continues here writes the same mesh once more.
             mesh.deliver()?;
@@ -117,30 +113,5 @@ impl JobDescription {
             planned.directory.clear();
         }
         Ok(())
-    }
-
-    /// The stages from the solving of tiles on, with the expected seconds of each.
-    fn seconds_ahead(&self, plan: &JobPlan) -> [(&'static str, f64); 6] {
-        let million = 1e-6 * plan.points_out as f64;
-        let sort = match self.is_sorted() {
-            true => SORT_SECONDS_PER_MILLION,
-            false => 0.0,
-        };
-        let mesh = match self.mesh {
-            Some(_) => MESH_SECONDS_PER_MILLION * million,
-            None => 0.0,
-        };
-        let to_start = match plan.has_two_rounds {
-            true => SHARE_OF_FIRST_ROUND * plan.seconds_to_solve,
-            false => 0.0,
-        };
-        [
-            ("start", to_start),
-            ("solve", plan.seconds_to_solve - to_start),
-            ("stitch", STITCH_SECONDS_PER_MILLION * million),
-            ("write", WRITE_SECONDS_PER_MILLION * million),
-            ("mesh", mesh),
-            ("sort", VIEW_SECONDS + sort * million),
-        ]
     }
 }

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use super::{
     Corners,
+    by_corner::sorted_by_corner,
     stars::{Candidate, LARGEST_CIRCUMRADIUS},
     triangle::{circumradius_squared, is_fold, is_overlap, others, places},
 };
@@ -178,11 +179,11 @@ struct Found {
 
 /// Finds what stands in the way of candidates.
 fn find(positions: &[Local], candidates: &[Candidate]) -> Found {
-    let mut incident: Vec<(u32, u32)> = (0..)
+    let incident: Vec<(u32, u32)> = (0..)
         .zip(candidates)
         .flat_map(|(k, candidate)| candidate.corners.map(|corner| (corner, k)))
         .collect();
-    incident.par_sort_unstable();
+    let incident = sorted_by_corner(incident, |&(corner, _)| corner);
     let by_corner: Vec<&[(u32, u32)]> = incident.chunk_by(|a, b| a.0 == b.0).collect();
     let found =
         by_corner

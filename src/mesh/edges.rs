@@ -1,8 +1,6 @@
 //! The edges of triangles, and the triangles on each.
 
-use rayon::prelude::*;
-
-use super::{Corners, triangle::edges};
+use super::{Corners, by_corner::sorted_by_corner, triangle::edges};
 
 /// The edges of triangles: every edge with the triangles on it.
 pub(super) struct EdgeTable {
@@ -17,13 +15,10 @@ impl EdgeTable {
         let of_triangle = |(k, &corners): (usize, &Corners)| {
             edges(corners).map(|(edge, opposite)| (edge, (k as u32, opposite)))
         };
-        let mut entries: Vec<_> = triangles
-            .par_iter()
-            .enumerate()
-            .flat_map_iter(of_triangle)
-            .collect();
-        entries.par_sort_unstable();
-        Self { entries }
+        let entries = triangles.iter().enumerate().flat_map(of_triangle).collect();
+        Self {
+            entries: sorted_by_corner(entries, |(edge, _)| edge[0]),
+        }
     }
 
     /// All edges in their order, each with its triangles as their indices and the corners opposite to the edge.

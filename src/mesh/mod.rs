@@ -16,6 +16,7 @@
 //! Points without a normal, as those on wires and leaves, have no triangles.
 
 mod agreement;
+mod by_corner;
 mod component;
 mod edges;
 mod figures;

@@ -9,7 +9,7 @@
 
 use rayon::prelude::*;
 
-use super::Corners;
+use super::{Corners, by_corner::sorted_by_corner};
 use crate::geometry::{BOUNDING_SIDES, Cell, ITEMS_PER_TASK, Local, Neighbor, NeighborGrid, Patch};
 
 /// The largest distance from a point to a corner of its cell that names a triangle, in spacings: the cells
@@ -60,7 +60,7 @@ pub(super) fn candidates(
         .collect();
     let places: Vec<Local> = sites.iter().map(|&(k, _)| positions[k as usize]).collect();
     let grid = NeighborGrid::new(&places, USUAL_CIRCUMRADIUS * spacing);
-    let mut named: Vec<(Corners, u8)> = sites
+    let named: Vec<(Corners, u8)> = sites
         .par_iter()
         .with_max_len(ITEMS_PER_TASK)
         .map_init(
@@ -81,8 +81,7 @@ pub(super) fn candidates(
         )
         .flatten_iter()
         .collect();
-    named.par_sort_unstable();
-    merged(&named)
+    merged(&sorted_by_corner(named, |(corners, _)| corners[0]))
 }
 
 /// Clips the `cell` of the point at the origin of `patch` by the points of `grid`.

@@ -256,7 +256,7 @@ impl Report {
                 histogram_output: outcome.stitched.all.histogram(BINS, SPANNED),
             },
             mesh: (outcome.mesh.as_ref().zip(mesh))
-                .map(|(figures, file)| MeshReport::new(figures, file)),
+                .map(|(figures, file)| MeshReport::new(figures, &outcome.mesh_levels, file)),
             views: Views {
                 detail: outcome.views.detail.clone(),
                 viewer_sample: outcome.views.viewer_sample.clone(),

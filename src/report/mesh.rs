@@ -7,7 +7,7 @@ use super::{
     html::{escape, table},
     numbers::thousands,
 };
-use crate::mesh::MeshFigures;
+use crate::{job::MeshLevel, mesh::MeshFigures};
 
 /// The angle below which a triangle counts as thin, in degrees.
 const THIN: f64 = 30.0;
@@ -53,11 +53,13 @@ pub(super) struct MeshReport {
     share_thin: f64,
     /// The histogram of the smallest angles, in half degrees from 0° to 60°.
     histogram_smallest_angles: Vec<u64>,
+    /// The coarser levels of a mesh in tiles.
+    coarser_levels: Vec<MeshLevel>,
 }
 
 impl MeshReport {
-    /// The figures of the mesh in `file`.
-    pub(super) fn new(figures: &MeshFigures, file: &str) -> Self {
+    /// The figures of the mesh in `file`, and its `coarser_levels` if it is in tiles.
+    pub(super) fn new(figures: &MeshFigures, coarser_levels: &[MeshLevel], file: &str) -> Self {
         let mut histogram = figures.angles().to_vec();
         // An equilateral triangle belongs to the last bin.
         let equilateral: u64 = histogram.drain(ANGLE_BINS..).sum();
@@ -80,6 +82,7 @@ impl MeshReport {
             smallest_angle_min: figures.angle(0.0),
             share_thin: thin as f64 / figures.triangles as f64,
             histogram_smallest_angles: histogram,
+            coarser_levels: coarser_levels.to_vec(),
         }
     }
 
@@ -114,7 +117,25 @@ impl MeshReport {
             "<style>{STYLE}</style><div class=\"mesh\">{}</div>",
             table(&["", "mesh", "what it means"], rows)
         );
-        file + &figures + &self.histogram()
+        file + &figures + &self.histogram() + &self.levels()
+    }
+
+    /// Returns the coarser levels as a table; nothing if there are none.
+    fn levels(&self) -> String {
+        if self.coarser_levels.is_empty() {
+            return String::new();
+        }
+        let row = |level: &MeshLevel| {
+            vec![
+                format!("{}", level.spacing),
+                thousands(level.points),
+                thousands(level.triangles),
+                thousands(level.tiles),
+            ]
+        };
+        let rows = self.coarser_levels.iter().map(row);
+        "<p>Coarser levels, which viewers show from afar:</p>".to_owned()
+            + &table(&["spacing", "points", "triangles", "tiles"], rows)
     }
 
     /// The names, values and meanings of the figures that are counted.
@@ -236,7 +257,7 @@ mod tests {
 
     #[test]
     fn figures_of_a_mesh_are_those_that_were_counted() {
-        let report = MeshReport::new(&figures(), "a.ply");
+        let report = MeshReport::new(&figures(), &[], "a.ply");
         let json = serde_json::to_value(&report).unwrap();
         assert_eq!(json["triangles"], 4);
         assert_eq!(json["points_unused"], 1200);
@@ -257,19 +278,33 @@ mod tests {
     #[test]
     fn one_sided_places_are_named_where_there_are_any() {
         let mut figures = figures();
-        let without = MeshReport::new(&figures, "a.ply");
+        let without = MeshReport::new(&figures, &[], "a.ply");
         assert!(
             !without.section().contains("one-sided") && !without.summary().contains("one-sided")
         );
         figures.one_sided = 2;
-        let with = MeshReport::new(&figures, "a.ply");
+        let with = MeshReport::new(&figures, &[], "a.ply");
         assert!(with.section().contains("one-sided"));
         assert!(with.summary().contains(", 2 one-sided places: a.ply"));
     }
 
     #[test]
+    fn coarser_levels_are_a_table_where_there_are_any() {
+        let level = MeshLevel {
+            spacing: 0.2,
+            points: 5000,
+            triangles: 9876,
+            tiles: 3,
+        };
+        let with = MeshReport::new(&figures(), &[level], "tiles").section();
+        assert!(with.contains("Coarser levels") && with.contains(&thousands(9876)));
+        let without = MeshReport::new(&figures(), &[], "tiles").section();
+        assert!(!without.contains("Coarser levels"));
+    }
+
+    #[test]
     fn a_mesh_without_triangles_has_no_angles() {
-        let report = MeshReport::new(&MeshFigures::default(), "<empty>.ply");
+        let report = MeshReport::new(&MeshFigures::default(), &[], "<empty>.ply");
         assert_eq!(
             report.summary(),
             "0 triangles; 0 border edges, 0 components: <empty>.ply"

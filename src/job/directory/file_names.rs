@@ -5,10 +5,24 @@ use std::{fs, path::Path};
 /// The name of the file with the tiles of a job.
 pub(crate) const PLAN_FILE: &str = "plan.json";
 
+/// The name of the directory in which the coarser levels of a mesh are made.
+pub(super) const LEVELS_DIRECTORY: &str = "levels";
+
 /// Stems of the names of a job's files, without the numbers of groups and attempts.
-const STEMS: [&str; 12] = [
-    "groups", "handover", "inputs", "job", "left-out", "lock", "mesh", "octree", "plan", "spacing",
-    "spill", "tiles",
+const STEMS: [&str; 13] = [
+    "groups",
+    LEVELS_DIRECTORY,
+    "handover",
+    "inputs",
+    "job",
+    "left-out",
+    "lock",
+    "mesh",
+    "octree",
+    "plan",
+    "spacing",
+    "spill",
+    "tiles",
 ];
 
 /// Endings of the names of a job's files.

@@ -11,7 +11,7 @@ use std::{
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::{
-    file_names::is_own,
+    file_names::{LEVELS_DIRECTORY, is_own},
     json_files::{read_json, to_json, write_among_others, write_json},
     stamp::Stamp,
 };
@@ -174,9 +174,24 @@ impl JobDirectory {
                 .to_str()
                 .is_some_and(|name| is_own(name) && wanted(name))
             {
-                drop(fs::remove_file(entry.path()));
+                drop(match name == LEVELS_DIRECTORY {
+                    true => fs::remove_dir_all(entry.path()),
+                    false => fs::remove_file(entry.path()),
+                });
             }
         }
+    }
+
+    /// Makes an empty directory for the coarser levels of a mesh.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError::Io`] if it cannot be made.
+    pub(crate) fn for_levels(&self) -> Result<PathBuf, JobError> {
+        self.forget(|name| name == LEVELS_DIRECTORY);
+        let path = self.path.join(LEVELS_DIRECTORY);
+        fs::create_dir(&path).map_err(|e| JobError::io("make the directory", &path, e))?;
+        Ok(path)
     }
 
     /// Gives the job up and removes its files if this process began it. The files of an earlier

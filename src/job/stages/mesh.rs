@@ -14,6 +14,7 @@ use super::{
     mesh_cells::{CellMesh, CellMeshes},
     mesh_parts::Part,
     mesh_source::{Extent, MeshSource, Triangulated},
+    mesh_tiles::MeshTiles,
     ordered_points::OrderedCell,
 };
 use crate::{
@@ -29,8 +30,9 @@ use crate::{
 };
 
 impl MeshSource<'_> {
-    /// Writes the points in order to `writer`, and their mesh to its file, complete but not yet under its name. Temporary
-    /// files are made in `scratch`. The triangles that are `seen` in the viewer are collected.
+    /// Writes the points in order to `writer`, and their mesh as the next level of `tiles` or, without tiles, to its file,
+    /// complete but not yet under its name. Temporary files are made in `scratch`. The triangles that are `seen` in the
+    /// viewer are collected.
     ///
     /// # Errors
     ///
@@ -39,10 +41,11 @@ impl MeshSource<'_> {
         &self,
         scratch: &Path,
         writer: &mut CloudWriter,
+        tiles: Option<&mut MeshTiles>,
         seen: &mut SquareTriangles,
-    ) -> Result<(MeshFigures, CompleteMesh), JobError> {
+    ) -> Result<(MeshFigures, Option<CompleteMesh>), JobError> {
         let triangulated = self.triangulate(scratch)?;
-        let mesh = self.write_both(&triangulated, writer, seen)?;
+        let mesh = self.write_both(&triangulated, writer, tiles, seen)?;
         self.run.clock.end_stage("mesh");
         Ok((triangulated.figures, mesh))
     }
@@ -162,16 +165,16 @@ impl MeshSource<'_> {
         Ok(())
     }
 
-    /// Writes the points to `writer`, and the mesh to its file; what the viewer shows of it is `seen`.
+    /// Writes the points to `writer`, and the mesh to `tiles` or to its file; what the viewer shows of it is `seen`.
     fn write_both(
         &self,
         triangulated: &Triangulated,
         writer: &mut CloudWriter,
+        tiles: Option<&mut MeshTiles>,
         seen: &mut SquareTriangles,
-    ) -> Result<CompleteMesh, JobError> {
+    ) -> Result<Option<CompleteMesh>, JobError> {
         let Triangulated { cells, sides, .. } = triangulated;
-        // Tiles are written behind the points.
-        let mut file = match self.tile_edge {
+        let mut file = match tiles {
             Some(_) => None,
             None => Some(self.create_file(triangulated)?),
         };
@@ -197,10 +200,10 @@ impl MeshSource<'_> {
             }
             seen.add_triangles(&turned);
         }
-        match file {
-            Some(file) => Ok(file.complete()?),
-            None => self.write_tiles(triangulated),
+        if let Some(tiles) = tiles {
+            self.write_tiles(triangulated, tiles)?;
         }
+        Ok(file.map(MeshWriter::complete).transpose()?)
     }
 
     /// Begins the file of the mesh.

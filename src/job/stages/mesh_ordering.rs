@@ -8,6 +8,7 @@ use super::{
     planned_job::PlannedJob,
 };
 use crate::{
+    config::MeshSettings,
     geometry::{Local, Quantization},
     job::{
         context::RunContext,
@@ -108,21 +109,23 @@ impl<'a> Ordering<'a> {
             normal: solver.transfer.normal().ok_or_else(|| {
                 JobError::Refused("a mesh needs normals; please report this".into())
             })?,
-            viewpoints: viewpoints(run, &solver.plan.quantization)?,
+            viewpoints: viewpoints(
+                &planned.mesh_settings(&run.job.settings),
+                &solver.plan.quantization,
+            )?,
             quantization: solver.plan.quantization,
             spacing: solver.options.spacing,
             crs: planned.survey.crs.clone(),
-            tile_edge: run.job.mesh_tile_edge(),
         })
     }
 }
 
-/// Where the scanner was, by the settings.
-fn viewpoints(run: &RunContext<'_>, quantization: &Quantization) -> Result<Viewpoints, JobError> {
+/// Where the scanner was, by the `settings`, in the local coordinates of `quantization`.
+fn viewpoints(
+    settings: &MeshSettings,
+    quantization: &Quantization,
+) -> Result<Viewpoints, JobError> {
     let local = |place: [f64; 3]| Local::from(place) - Local::from(quantization.offset);
-    let Some(settings) = &run.job.settings.mesh else {
-        return Ok(Viewpoints::Unknown);
-    };
     if let Some(path) = &settings.trajectory {
         let waypoint = |Waypoint { time, place }: Waypoint| (time, local(place));
         let way = read_trajectory(path)?.into_iter().map(waypoint);

@@ -17,7 +17,7 @@ use crate::{
 /// What the mesh of a cloud is made from.
 pub(super) struct MeshSource<'a> {
     pub(super) run: &'a RunContext<'a>,
-    /// The file of the mesh, or the directory of its tiles.
+    /// The file of the mesh, if it is not written as tiles.
     pub(super) path: &'a Path,
     pub(super) points: OrderedPoints,
     pub(super) grids: OrderingGrids,
@@ -28,8 +28,6 @@ pub(super) struct MeshSource<'a> {
     pub(super) quantization: Quantization,
     pub(super) spacing: f64,
     pub(super) crs: Option<Crs>,
-    /// The edge of the tiles of the mesh (CRS units), if it is written as tiles.
-    pub(super) tile_edge: Option<f64>,
 }
 
 /// The mesh of a cloud before it is written.

@@ -17,7 +17,7 @@ mod mesh_cells;
 mod mesh_ordering;
 mod mesh_parts;
 mod mesh_source;
-mod mesh_tiles;
+pub(crate) mod mesh_tiles;
 mod no_points;
 mod ordered_points;
 pub(crate) mod output;

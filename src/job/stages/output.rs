@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use super::{
-    mesh_ordering::Ordering, planned_job::PlannedJob, provenance::provenance, stitch::stitch,
-    tile_solver::TileSolver, views::ResultViews, write::write_tiles,
+    mesh_ordering::Ordering, mesh_tiles::MeshTiles, planned_job::PlannedJob,
+    provenance::provenance, stitch::stitch, tile_solver::TileSolver, views::ResultViews,
+    write::write_tiles,
 };
 use crate::{
     job::{
@@ -23,11 +24,12 @@ use crate::{
 /// The files of an output, complete but not yet under their names.
 pub(crate) struct CompleteOutput {
     pub(crate) cloud: CompleteCloud,
+    /// The mesh, if it is one file.
     pub(crate) mesh: Option<CompleteMesh>,
 }
 
 /// Stitches the `solved` tiles and writes the cloud, and its mesh if there is one, complete but not yet under their
-/// names.
+/// names. A mesh in `tiles` is the next level there.
 ///
 /// # Errors
 ///
@@ -37,6 +39,7 @@ pub(crate) fn complete_output(
     planned: &PlannedJob,
     solved: &SolvedTiles,
     format: Format,
+    tiles_of_mesh: Option<&mut MeshTiles>,
 ) -> Result<(Outcome, CompleteOutput), JobError> {
     let (job, solver) = (run.job, &planned.solver);
     let plan = &solver.plan.plan;
@@ -83,8 +86,9 @@ pub(crate) fn complete_output(
         Some(ordering) => Some(ordering.complete(run, planned, &scratch)?),
         None => None,
     };
-    let mesh = mesh.map(|mesh| mesh.write(scratch.path(), &mut writer, &mut seen));
+    let mesh = mesh.map(|mesh| mesh.write(scratch.path(), &mut writer, tiles_of_mesh, &mut seen));
     let (mesh_figures, mesh) = mesh.transpose()?.unzip();
+    let mesh = mesh.flatten();
 
     // Make the views for the report.
     let views = ResultViews::new(&cloud, map, writer.points(), largest, &seen)?;
@@ -99,7 +103,6 @@ pub(crate) fn complete_output(
     check_conservation(sites, complete.points())?;
 
     // Collect what the report says.
-    let (stages, samples) = run.clock.stop(&job.dir);
     let notes = planned.survey.notes.iter().cloned().chain(notes_on_points);
     let outcome = Outcome {
         plan: solver.plan.clone(),
@@ -112,8 +115,9 @@ pub(crate) fn complete_output(
             delta_by_tile,
         },
         mesh: mesh_figures,
+        mesh_levels: Vec::new(),
         views,
-        costs: RunCosts { stages, samples },
+        costs: RunCosts::default(),
         notes: notes.collect(),
     };
     let cloud = complete;

@@ -1,7 +1,11 @@
 //! A job whose points are scattered and whose tiles are planned.
 
 use super::{input_counts::InputCount, survey::Survey, tile_solver::TileSolver};
-use crate::job::directory::JobDirectory;
+use crate::{
+    config::{MeshSettings, Settings},
+    job::directory::JobDirectory,
+    las::InputFile,
+};
 
 /// A job whose points are scattered and whose tiles are planned.
 pub(crate) struct PlannedJob {
@@ -18,6 +22,17 @@ pub(crate) struct PlannedJob {
 }
 
 impl PlannedJob {
+    /// How the mesh is made: as the job's `settings` say and, where they know of no scanner, with those that the inputs
+    /// tell of.
+    pub(crate) fn mesh_settings(&self, settings: &Settings) -> MeshSettings {
+        let mut mesh = settings.mesh.clone().unwrap_or_default();
+        if mesh.scanners.is_empty() && mesh.trajectory.is_none() {
+            let inputs = self.survey.inputs.iter();
+            mesh.scanners = inputs.flat_map(InputFile::stations).copied().collect();
+        }
+        mesh
+    }
+
     /// Bytes of the temporary files of the last stage: the records of all sites, and `sorted_copies` of them.
     pub(crate) fn settled_bytes(&self, sorted_copies: u64) -> u64 {
         let record_length = self.solver.transfer.record().record_length() as u64;

@@ -21,6 +21,8 @@ pub(super) struct E57File {
     path: PathBuf,
     crs: Option<Crs>,
     has_color: bool,
+    /// The positions of the poses of its scans: where their scanners stood, if they mean that.
+    stations: Vec<[f64; 3]>,
 }
 
 /// The number of points in a message of the reading thread.
@@ -37,14 +39,32 @@ impl E57File {
     pub(super) fn survey(path: &Path) -> Result<Self, LasError> {
         let reader = E57Reader::from_file(path).map_err(|e| LasError::unreadable(path, e))?;
         let metadata = reader.coordinate_metadata().map(str::trim);
+        let scans = reader.pointclouds();
+        let poses = scans.iter().filter_map(|scan| scan.transform.as_ref());
+        let place = |pose: &e57::Transform| {
+            let e57::Translation { x, y, z } = pose.translation;
+            [x, y, z]
+        };
         Ok(Self {
             path: path.to_owned(),
             // Metadata that are no well-known text are for people.
             crs: metadata
                 .filter(|text| text.contains('[') && !text.contains(char::is_control))
                 .map(|text| Crs::Wkt(text.to_owned())),
-            has_color: reader.pointclouds().iter().any(e57::PointCloud::has_color),
+            has_color: scans.iter().any(e57::PointCloud::has_color),
+            stations: poses.map(place).collect(),
         })
+    }
+
+    /// The places where the scanners stood, if the poses of the scans say so: a scanner stands amid its points, which
+    /// lie within `bounds`. A pose elsewhere moves points to their place in the world, and none is believed then.
+    pub(super) fn stations(&self, bounds: &[[f64; 3]; 2]) -> &[[f64; 3]] {
+        let [min, max] = bounds;
+        let is_amid = |place: &[f64; 3]| (0..3).all(|k| min[k] <= place[k] && place[k] <= max[k]);
+        match self.stations.iter().all(is_amid) {
+            true => &self.stations,
+            false => &[],
+        }
     }
 
     /// The coordinate reference system, if it is stated as well-known text.
@@ -145,7 +165,7 @@ impl Iterator for E57Stream {
 
 #[cfg(test)]
 mod tests {
-    use e57::{E57Writer, Record, RecordValue};
+    use e57::{E57Writer, Record, RecordValue, Transform, Translation};
 
     use super::*;
     use crate::las::read::input::InputFile;
@@ -190,6 +210,36 @@ mod tests {
         assert_eq!(first[..4], [0.25, -0.25, 1e6, 0.0]);
         assert_eq!(first[4], 1.0);
         assert!((first[5] - 1.0 / 255.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn scanners_stand_where_poses_amid_the_points_say() {
+        let dir = tempfile::tempdir().unwrap();
+        let stations = |name: &str, places: &[[f64; 3]], points: [f64; 2]| {
+            let path = dir.path().join(name);
+            let mut writer = E57Writer::from_file(&path, "file").unwrap();
+            for &[x, y, z] in places {
+                let prototype = vec![
+                    Record::CARTESIAN_X_F64,
+                    Record::CARTESIAN_Y_F64,
+                    Record::CARTESIAN_Z_F64,
+                ];
+                let mut cloud = writer.add_pointcloud(name, prototype).unwrap();
+                cloud.set_transform(Some(Transform {
+                    translation: Translation { x, y, z },
+                    ..Transform::default()
+                }));
+                for c in points {
+                    cloud.add_point(vec![RecordValue::Double(c); 3]).unwrap();
+                }
+                cloud.finalize().unwrap();
+            }
+            writer.finalize().unwrap();
+            InputFile::survey(&path).unwrap().stations().to_vec()
+        };
+        let amid = [[0.0, 0.0, 1.0], [4.0, 3.0, 1.0]];
+        assert_eq!(stations("amid.e57", &amid, [-5.0, 5.0]), amid);
+        assert!(stations("moved.e57", &[[4e5, 5e6, 100.0]], [20.0, 90.0]).is_empty());
     }
 
     #[test]

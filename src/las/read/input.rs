@@ -75,6 +75,15 @@ pub(super) enum EntryPoints {
 }
 
 impl InputFile {
+    /// The places where scanners stood, as far as the file tells (world coordinates).
+    pub(crate) fn stations(&self) -> &[[f64; 3]] {
+        match &self.entry_points {
+            #[cfg(feature = "e57")]
+            EntryPoints::E57(file) => file.stations(&self.bounds),
+            _ => &[],
+        }
+    }
+
     /// The chunks of the file, if they differ in length.
     pub(super) fn chunks(&self) -> Option<&[Chunk]> {
         match &self.entry_points {
