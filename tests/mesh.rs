@@ -405,6 +405,29 @@ fn a_mesh_looks_towards_its_scanner_and_normals_follow() {
 }
 
 #[test]
+fn wires_and_leaves_have_triangles_if_they_are_asked_for() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = street(dir.path());
+    let figures = |name: &str, more: &[&str]| {
+        let (cloud, mesh) = (
+            dir.path().join(format!("{name}.laz")),
+            dir.path().join(format!("{name}.ply")),
+        );
+        let words = ["--spacing", SPACING, "--mesh", text(&mesh)];
+        succeed(&scans, &cloud, &[&words[..], more].concat());
+        let report = report(&cloud);
+        ["points_without_surface", "triangles"].map(|name| report["mesh"][name].as_u64().unwrap())
+    };
+    let surfaces = figures("surfaces", &[]);
+    let all = figures("all", &["--mesh-of", "all"]);
+    // Wires, and points with too few around them, are left.
+    assert!(
+        all[0] < surfaces[0] / 2 && all[1] > surfaces[1],
+        "{surfaces:?} {all:?}"
+    );
+}
+
+#[test]
 fn what_cannot_be_a_mesh_is_refused_before_the_work() {
     let dir = tempfile::tempdir().unwrap();
     let scans = street(dir.path());
@@ -422,6 +445,8 @@ fn what_cannot_be_a_mesh_is_refused_before_the_work() {
     };
     refused(&["--mesh", "even.stl"], ".ply, .obj or .glb");
     refused(&["--scanner", "0,0,2"], "--mesh");
+    refused(&["--mesh-of", "all"], "--mesh");
+    refused(&["--mesh", "m.ply", "--mesh-of", "leaves"], "surfaces");
     refused(&["--mesh", "m.ply", "--scanner", "0,0"], "x,y,z");
     let mesh = dir.path().join("m.ply");
     refused(

@@ -15,6 +15,7 @@ use crate::{
     },
     geometry::PatchKind,
     lloyd::{Acceleration, SeedRule},
+    mesh::MeshedPoints,
 };
 
 /// Options of a job.
@@ -178,6 +179,9 @@ struct OutputOptions {
     /// Write a mesh of the points, too: .ply, .obj or .glb
     #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
+    /// Points that have triangles: surfaces, or all, on wires and leaves, too [default: surfaces]
+    #[arg(long, value_name = "POINTS", value_parser = by_name::<MeshedPoints>)]
+    mesh_of: Option<MeshedPoints>,
     /// Places where scanners stood, towards which the mesh looks: x,y,z or
     /// x,y,z;x,y,z [default: the poses of E57 scans, else it looks upwards, or outwards]
     #[arg(long, value_name = "PLACES", allow_hyphen_values = true)]

@@ -14,6 +14,7 @@ use super::{
 use crate::{
     geometry::PatchKind,
     lloyd::{Acceleration, SeedRule},
+    mesh::MeshedPoints,
 };
 
 /// What the job does about an input that cannot be read.
@@ -93,6 +94,8 @@ pub(crate) struct Choices {
     pub(crate) output_tiles: Option<Length>,
     /// The file for a mesh of the output.
     pub(crate) mesh: Option<PathBuf>,
+    /// Which points have triangles.
+    pub(crate) mesh_of: Option<MeshedPoints>,
     /// The places where scanners stood.
     pub(crate) scanner: Option<Places>,
     /// The file with the way of a moving scanner.

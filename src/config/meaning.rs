@@ -231,13 +231,16 @@ impl Choices {
                 "--scanner and --trajectory both say where the scanner was; give one".into(),
             ));
         }
-        if self.mesh.is_none() && (self.scanner.is_some() || self.trajectory.is_some()) {
+        let says_how =
+            self.mesh_of.is_some() || self.scanner.is_some() || self.trajectory.is_some();
+        if self.mesh.is_none() && says_how {
             return Err(ConfigError::Words(
-                "--scanner and --trajectory turn a mesh towards the scanner; give --mesh, too"
+                "--mesh-of, --scanner and --trajectory say how a mesh is made; give --mesh, too"
                     .into(),
             ));
         }
         Ok(self.mesh.as_ref().map(|_| MeshSettings {
+            points: self.mesh_of.unwrap_or_default(),
             scanners: self
                 .scanner
                 .clone()

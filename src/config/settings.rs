@@ -8,6 +8,7 @@ use super::rules::{ClassRule, ColorRule, Computed};
 use crate::{
     las::{Crs, PointFilter},
     lloyd::SolverSettings,
+    mesh::MeshedPoints,
     spacing::Target,
 };
 
@@ -83,6 +84,8 @@ pub(crate) struct AttributeSettings {
 /// How the mesh of the output is made.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct MeshSettings {
+    /// Which points have triangles.
+    pub(crate) points: MeshedPoints,
     /// The places where scanners stood (world coordinates).
     pub(crate) scanners: Vec<[f64; 3]>,
     /// The file with the way of a moving scanner.

@@ -37,6 +37,7 @@ pub(crate) use cell_order::CellOrder;
 pub use coordinates::{Local, Quantization, Rect, Stored};
 pub(crate) use hash::{Dice, spread};
 pub use moments::Moments;
+pub(crate) use narrow_frame::narrow_frame;
 pub(crate) use nearest::NearestPoints;
 pub use neighbors::NeighborGrid;
 pub(crate) use occupied::OccupiedCells;

@@ -9,7 +9,7 @@ use super::Local;
 /// `covariance` is zero or not finite.
 ///
 /// Roots and products alone, no angles: the same bits on every machine.
-pub(super) fn narrow_frame(covariance: Matrix3<f64>) -> Option<([f64; 3], [Local; 3])> {
+pub(crate) fn narrow_frame(covariance: Matrix3<f64>) -> Option<([f64; 3], [Local; 3])> {
     let trace = covariance.trace();
     if !(trace > 0.0 && trace.is_finite()) {
         return None;

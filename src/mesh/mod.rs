@@ -13,12 +13,13 @@
 //!
 //! Every decision is made from what lies within [`REACH_IN_SPACINGS`] of it, in an order that the positions
 //! give. So the mesh of a part of a cloud is that of the whole cloud, away from the borders of the part.
-//! Points without a normal, as those on wires and leaves, have no triangles.
+//! Points without a normal, as those on wires and leaves, have no triangles unless they are asked for.
 
 mod agreement;
 mod by_corner;
 mod component;
 mod edges;
+mod estimated_normals;
 mod figures;
 mod holes;
 mod part;
@@ -34,14 +35,30 @@ pub(crate) use part::{MeshPoint, MeshedPart, PartCorner, PartTriangle};
 pub(crate) use sides::{SettledSides, Sides};
 pub(crate) use viewpoints::Viewpoints;
 
+use serde::{Deserialize, Serialize};
+
 use crate::geometry::{Local, Quantization};
 
 /// A triangle by the indices of its corners.
 pub(crate) type Corners = [u32; 3];
 
 /// Whatever is decided depends on nothing farther away than this, in spacings.
-pub(crate) const REACH_IN_SPACINGS: f64 =
-    stars::REACH + agreement::REACH + holes::REACH + 2.0 * stars::LARGEST_CIRCUMRADIUS;
+pub(crate) const REACH_IN_SPACINGS: f64 = estimated_normals::REACH
+    + stars::REACH
+    + agreement::REACH
+    + holes::REACH
+    + 2.0 * stars::LARGEST_CIRCUMRADIUS;
+
+/// Which points of a cloud have triangles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum MeshedPoints {
+    /// Those where the scan describes a surface: they have a normal.
+    #[default]
+    Surfaces,
+    /// All points with neighbours around them.
+    All,
+}
 
 /// Triangles between `positions`, each with its corners in ascending order; they are not turned
 /// towards a side yet. A point without a normal has no triangle.
@@ -59,14 +76,14 @@ pub(crate) fn triangulate(
     triangles
 }
 
-/// The oriented triangles between the points of a cloud that is one part, each with the first of its corners by position
+/// The oriented triangles on the surfaces of a cloud that is one part, each with the first of its corners by position
 /// first, in ascending order; and the figures of the mesh.
 pub(crate) fn mesh_of_whole(
     points: Vec<MeshPoint>,
     quantization: &Quantization,
     spacing: f64,
 ) -> (Vec<Corners>, MeshFigures) {
-    let mut part = MeshedPart::new(0, points, quantization, spacing);
+    let mut part = MeshedPart::new(0, points, quantization, spacing, MeshedPoints::Surfaces);
     let mut sides = Sides::default();
     sides.add(&mut part);
     let MeshedPart {

@@ -8,9 +8,10 @@
 use rayon::prelude::*;
 
 use super::{
-    Corners,
+    Corners, MeshedPoints,
     component::Component,
     edges::{EdgeTable, EdgeTriangles},
+    estimated_normals,
     figures::{AngleClass, MeshFigures},
     triangle::{doubled_area, least_angle_cosine, opening_cosine, places},
     triangulate,
@@ -118,26 +119,30 @@ pub(super) struct SharpSide {
 
 impl MeshedPart {
     /// The mesh of the part with this `number` among these `points`, which are at home in it or around it, at `spacing`
-    /// (CRS units).
+    /// (CRS units); `meshed` says which of them have triangles.
     pub(crate) fn new(
         number: u32,
         mut points: Vec<MeshPoint>,
         quantization: &Quantization,
         spacing: f64,
+        meshed: MeshedPoints,
     ) -> Self {
         points.par_sort_unstable_by_key(|point| (point.point, point.index));
         let own = points.iter().filter(|point| point.home == number).count() as u64;
-        let loose = points
-            .iter()
-            .filter(|p| p.home == number && p.normal.is_none())
-            .count() as u64;
         // Of several points in one place the first takes part.
         points.dedup_by_key(|point| point.point);
         let positions: Vec<Local> = points
             .iter()
             .map(|point| quantization.local(point.point))
             .collect();
-        let normals: Vec<Option<Local>> = points.iter().map(|point| point.normal).collect();
+        let mut normals: Vec<Option<Local>> = points.iter().map(|point| point.normal).collect();
+        if meshed == MeshedPoints::All {
+            estimated_normals::estimate(&positions, &mut normals, spacing);
+        }
+        let is_loose = |(point, normal): &(&MeshPoint, &Option<Local>)| {
+            point.home == number && normal.is_none()
+        };
+        let loose = points.iter().zip(&normals).filter(is_loose).count() as u64;
         let mut known = triangulate(&positions, &normals, spacing);
         let mut around = vec![0_u8; points.len()];
         for &corner in known.iter().flatten() {

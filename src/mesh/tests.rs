@@ -83,8 +83,18 @@ fn is_watertight(triangles: &[Corners]) -> bool {
         .all(|runs| matches!(runs[..], [true, false] | [false, true]))
 }
 
-/// The mesh of `points` in parts: squares of this `edge` in spacings.
+/// The mesh on the surfaces of `points` in parts: squares of this `edge` in spacings.
 fn in_parts(points: &[MeshPoint], spacing: f64, edge: f64) -> (Vec<Corners>, MeshFigures) {
+    in_parts_of(MeshedPoints::Surfaces, points, spacing, edge)
+}
+
+/// The mesh of those of `points` that are `meshed`, in parts: squares of this `edge` in spacings.
+fn in_parts_of(
+    meshed: MeshedPoints,
+    points: &[MeshPoint],
+    spacing: f64,
+    edge: f64,
+) -> (Vec<Corners>, MeshFigures) {
     let home = |point: Stored| {
         let units = QUANTIZATION.units(edge * spacing);
         [point.x, point.y].map(|c| i64::from(c).div_euclid(units))
@@ -105,7 +115,7 @@ fn in_parts(points: &[MeshPoint], spacing: f64, edge: f64) -> (Vec<Corners>, Mes
             home: homes.binary_search(&home(point.point)).unwrap() as u32,
             ..point
         });
-        let mut part = MeshedPart::new(number, seen.collect(), &QUANTIZATION, spacing);
+        let mut part = MeshedPart::new(number, seen.collect(), &QUANTIZATION, spacing, meshed);
         let first = sides.add(&mut part);
         figures.merge(&part.figures);
         parts.push((first, part.triangles));
@@ -261,4 +271,25 @@ fn nothing_and_points_without_surface_have_no_triangles() {
         .iter_mut()
         .for_each(|p| (p.point, p.normal) = (point, normal));
     assert!(mesh_of_whole(points, &QUANTIZATION, 1.0).0.is_empty());
+}
+
+#[test]
+fn points_without_surface_have_triangles_if_they_are_asked_for() {
+    let mut points = cloud(sphere(SPHERE_POINTS), 0.02 * SPHERE_SPACING);
+    let with_normals = in_parts(&points, SPHERE_SPACING, 1e6).0;
+    points.iter_mut().for_each(|point| point.normal = None);
+    let all = |edge| in_parts_of(MeshedPoints::All, &points, SPHERE_SPACING, edge);
+    let (triangles, figures) = all(1e6);
+    assert!(is_watertight(&triangles));
+    assert_eq!((figures.loose, figures.components), (0, 1));
+    assert_eq!(figures.triangles, with_normals.len() as u64);
+    assert_eq!(all(30.0), (triangles, figures));
+
+    // Points in a row have no neighbours around them.
+    let row = (0..100).map(|k| (Local::new(f64::from(k), 0.0, 0.0), Local::z()));
+    let mut row = cloud(row, 0.05);
+    row.iter_mut().for_each(|point| point.normal = None);
+    let (triangles, figures) = in_parts_of(MeshedPoints::All, &row, 1.0, 1e6);
+    assert!(triangles.is_empty());
+    assert_eq!(figures.loose, 100);
 }

@@ -71,6 +71,7 @@ class JobOptions(TypedDict, total=False):
     with_: str | Iterable[str] | None
     output_tiles: Length | None
     mesh: PathLike | None
+    mesh_of: Literal["surfaces", "all"] | None
     scanner: Sequence[float] | Sequence[Sequence[float]] | str | None
     trajectory: PathLike | None
     overwrite: bool
@@ -145,6 +146,8 @@ def run(
         Write a directory of square tiles with this edge.
     mesh : path, optional
         Write a mesh of the points, too: ``.ply``, ``.obj`` or ``.glb``; with `output_tiles` also a directory.
+    mesh_of : {"surfaces", "all"}, optional
+        Points that have triangles; all: on wires and leaves, too.
     scanner : (x, y, z) or list of (x, y, z), optional
         Places where scanners stood, towards which the mesh looks.
     trajectory : path, optional

@@ -100,6 +100,7 @@ impl<'a> Ordering<'a> {
         let points = OrderedPoints::new(&*sorted, &self.grids, length, &path, &advance)?;
         sorted.remove();
         run.progress.end();
+        let settings = planned.mesh_settings(&run.job.settings);
         Ok(MeshSource {
             run,
             path: self.mesh,
@@ -109,10 +110,8 @@ impl<'a> Ordering<'a> {
             normal: solver.transfer.normal().ok_or_else(|| {
                 JobError::Refused("a mesh needs normals; please report this".into())
             })?,
-            viewpoints: viewpoints(
-                &planned.mesh_settings(&run.job.settings),
-                &solver.plan.quantization,
-            )?,
+            viewpoints: viewpoints(&settings, &solver.plan.quantization)?,
+            meshed: settings.points,
             quantization: solver.plan.quantization,
             spacing: solver.options.spacing,
             crs: planned.survey.crs.clone(),

@@ -10,7 +10,7 @@ use crate::{
     geometry::{Quantization, Stored},
     job::context::RunContext,
     las::{Crs, MeshHeader, MeshVertex, RealAttribute, RecordFormat, RecordView},
-    mesh::{MeshFigures, REACH_IN_SPACINGS, SettledSides, Viewpoints},
+    mesh::{MeshFigures, MeshedPoints, REACH_IN_SPACINGS, SettledSides, Viewpoints},
     tile::TileError,
 };
 
@@ -25,6 +25,8 @@ pub(super) struct MeshSource<'a> {
     /// The components of the normal in the records.
     pub(super) normal: [RealAttribute; 3],
     pub(super) viewpoints: Viewpoints,
+    /// Which points have triangles.
+    pub(super) meshed: MeshedPoints,
     pub(super) quantization: Quantization,
     pub(super) spacing: f64,
     pub(super) crs: Option<Crs>,
