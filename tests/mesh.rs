@@ -113,23 +113,31 @@ fn vertices_are_the_points_of_the_cloud_and_figures_those_of_the_triangles() {
 fn tiles_threads_memory_and_kills_do_not_show_in_the_mesh() {
     let dir = tempfile::tempdir().unwrap();
     let scans = street(dir.path());
-    let mesh_of = |name: &str, more: &[&str]| {
+    let mesh_of = |name: &str, spacing: &str, more: &[&str]| {
         let (cloud, mesh) = (
             dir.path().join(format!("{name}.laz")),
             dir.path().join(format!("{name}.ply")),
         );
-        let mut arguments = vec!["--spacing", SPACING, "--mesh", text(&mesh)];
+        let mut arguments = vec!["--spacing", spacing, "--mesh", text(&mesh)];
         arguments.extend(more);
         succeed(&scans, &cloud, &arguments);
         (fs::read(mesh).unwrap(), points_in_order(&cloud))
     };
-    let whole = mesh_of("whole", &["--tile-size", "1000", "--threads", "2"]);
+    let whole = mesh_of("whole", SPACING, &["--tile-size", "1000", "--threads", "2"]);
     for more in [
         &["--tile-size", "15", "--threads", "1"][..],
         &["--memory", "160MiB", "--threads", "2"],
     ] {
-        assert!(mesh_of(&more.join(""), more) == whole, "{more:?}");
+        assert!(mesh_of(&more.join(""), SPACING, more) == whole, "{more:?}");
     }
+
+    // As sparse as the scan, surfaces are rough, and hang together so that triangles must be cut out. With little memory
+    // the mesh is made in several parts.
+    let rough = mesh_of("rough", "0.12", &["--tile-size", "15"]);
+    let figures = &report(&dir.path().join("rough.laz"))["mesh"];
+    assert!(figures["points_used"].as_u64() > Some(120_000) && figures["cut"].as_u64() > Some(0));
+    let little_memory = ["--tile-size", "15", "--memory", "160MiB"];
+    assert!(mesh_of("little memory", "0.12", &little_memory) == rough);
 
     // Killed at several moments, and continued each time.
     let (cloud, mesh) = (dir.path().join("killed.laz"), dir.path().join("killed.ply"));
@@ -483,7 +491,7 @@ fn on_a_street_surfaces_have_no_holes_and_triangles_lie_on_them() {
             .read_all()
             .unwrap();
         for (((x, y), z), class) in all.x().zip(all.y()).zip(all.z()).zip(all.classification()) {
-            let places = match WITHOUT_SURFACE.contains(&u8::from(class)) {
+            let places = match WITHOUT_SURFACE.contains(&class) {
                 true => &mut without_surface,
                 false => &mut scanned,
             };

@@ -36,9 +36,9 @@ pub(crate) struct MeshFigures {
     pub(crate) border_edges: u64,
     /// The number of components: triangles that hang together by their edges.
     pub(crate) components: u64,
-    /// The number of times that triangles around a loop could not be turned the same way, as on a strip of
-    /// Möbius.
-    pub(crate) one_sided: u64,
+    /// The number of triangles that were cut out, because those around a loop cannot all be turned the same way, as on a
+    /// strip of Möbius.
+    pub(crate) cut: u64,
     /// The number of triangles whose smallest angle lies within each half degree.
     angles: Vec<u64>,
 }
@@ -53,7 +53,7 @@ impl Default for MeshFigures {
             inner_edges: 0,
             border_edges: 0,
             components: 0,
-            one_sided: 0,
+            cut: 0,
             angles: vec![0; CLASSES],
         }
     }
@@ -81,7 +81,7 @@ impl MeshFigures {
         self.inner_edges += other.inner_edges;
         self.border_edges += other.border_edges;
         self.components += other.components;
-        self.one_sided += other.one_sided;
+        self.cut += other.cut;
         for (count, other) in self.angles.iter_mut().zip(&other.angles) {
             *count += other;
         }

@@ -22,16 +22,20 @@ mod edges;
 mod estimated_normals;
 mod figures;
 mod holes;
+mod joined;
 mod part;
+mod point;
 mod sides;
 mod stars;
 #[cfg(test)]
 mod tests;
 mod triangle;
+mod turned;
 mod viewpoints;
 
 pub(crate) use figures::MeshFigures;
-pub(crate) use part::{MeshPoint, MeshedPart, PartCorner, PartTriangle};
+pub(crate) use part::{MeshedPart, PartCorner, PartTriangle};
+pub(crate) use point::MeshPoint;
 pub(crate) use sides::{SettledSides, Sides};
 pub(crate) use viewpoints::Viewpoints;
 

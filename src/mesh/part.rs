@@ -1,40 +1,24 @@
 //! The mesh of a part of a cloud: its own triangles, and how they hang together with those of other parts.
 //!
 //! A part sees its own points and those around it. A triangle is at home where its first corner is; all
-//! triangles with a corner in the part are *known*, and are turned the same way around, component by component.
-//! A known triangle with corners in several parts is known by all of them: by the way in which each of
-//! them turned it, their components are joined.
+//! triangles with a corner in the part are *known*. Those that are at home in a cell of the part and hang together by smooth
+//! edges there are turned the same way around: a component. A known triangle that is at home elsewhere is a component of
+//! its own; by the way in which each part that knows a triangle turned it, components are joined.
 
 use rayon::prelude::*;
 
 use super::{
     Corners, MeshedPoints,
     component::Component,
-    edges::{EdgeTable, EdgeTriangles},
+    edges::EdgeTriangles,
     estimated_normals,
     figures::{AngleClass, MeshFigures},
-    triangle::{doubled_area, least_angle_cosine, opening_cosine, places},
+    point::MeshPoint,
+    triangle::{doubled_area, least_angle_cosine, places},
     triangulate,
+    turned::{Turned, runs_alike},
 };
-use crate::geometry::{Local, Quantization, Stored};
-
-/// The cosine of the smallest angle between two triangles of a smooth surface. 120°.
-const COSINE_OF_SMOOTH_EDGE: f64 = -0.5;
-
-/// A point of a cloud as the mesh sees it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct MeshPoint {
-    /// The position.
-    pub(crate) point: Stored,
-    /// The unit normal, of either side; `None` where the scan describes no surface.
-    pub(crate) normal: Option<Local>,
-    /// The place from which the point was scanned (local coordinates), if it is known.
-    pub(crate) scanner: Option<Local>,
-    /// The index of the point in the whole cloud.
-    pub(crate) index: u32,
-    /// The part in which the point is at home.
-    pub(crate) home: u32,
-}
+use crate::geometry::{Local, Quantization};
 
 /// The mesh of a part.
 #[derive(Debug, Default)]
@@ -143,18 +127,13 @@ impl MeshedPart {
             point.home == number && normal.is_none()
         };
         let loose = points.iter().zip(&normals).filter(is_loose).count() as u64;
-        let mut known = triangulate(&positions, &normals, spacing);
+        let triangles = triangulate(&positions, &normals, spacing);
         let mut around = vec![0_u8; points.len()];
-        for &corner in known.iter().flatten() {
+        for &corner in triangles.iter().flatten() {
             let count = &mut around[corner as usize];
             *count = count.saturating_add(1);
         }
-        known.retain(|corners| {
-            corners
-                .iter()
-                .any(|&corner| points[corner as usize].home == number)
-        });
-        let mut part = Turned::new(number, &points, &positions, known).part(&around);
+        let mut part = Turned::new(number, &points, &positions, triangles).part(&around);
         part.figures.loose = loose;
         part.figures.corners = part.corners.len() as u64;
         part.figures.unused = own - loose - part.figures.corners;
@@ -162,95 +141,7 @@ impl MeshedPart {
     }
 }
 
-/// The triangle beyond a smooth edge, and whether both run through the edge in the same direction.
-type Beyond = Option<(u32, bool)>;
-
-/// Triangles that are turned the same way around, component by component.
-struct Turned<'a> {
-    /// The number of the part.
-    number: u32,
-    points: &'a [MeshPoint],
-    positions: &'a [Local],
-    /// The triangles, each with its corners in ascending order.
-    triangles: Vec<Corners>,
-    edges: EdgeTable,
-    /// For each triangle its component, and whether its corners run backwards.
-    turns: Vec<(u32, bool)>,
-    /// The number of components.
-    components: u32,
-}
-
-impl<'a> Turned<'a> {
-    fn new(
-        number: u32,
-        points: &'a [MeshPoint],
-        positions: &'a [Local],
-        triangles: Vec<Corners>,
-    ) -> Self {
-        let mut turned = Self {
-            number,
-            points,
-            positions,
-            edges: EdgeTable::new(&triangles),
-            turns: vec![(u32::MAX, false); triangles.len()],
-            triangles,
-            components: 0,
-        };
-        let neighbors = turned.neighbors();
-        for first in 0..turned.triangles.len() {
-            if turned.turns[first].0 == u32::MAX {
-                turned.turn_component(first, &neighbors);
-            }
-        }
-        turned
-    }
-
-    /// Turns all triangles as `first` lies that hang together with it without a sharp edge.
-    fn turn_component(&mut self, first: usize, neighbors: &[[Beyond; 3]]) {
-        let component = self.components;
-        self.components += 1;
-        self.turns[first] = (component, false);
-        let mut open = vec![first];
-        while let Some(triangle) = open.pop() {
-            for beyond in neighbors[triangle] {
-                if let Some((other, is_alike)) = beyond
-                    && self.turns[other as usize].0 == u32::MAX
-                {
-                    self.turns[other as usize] = (component, self.turns[triangle].1 ^ is_alike);
-                    open.push(other as usize);
-                }
-            }
-        }
-    }
-
-    /// For each triangle those beyond its smooth edges.
-    fn neighbors(&self) -> Vec<[Beyond; 3]> {
-        let mut neighbors = vec![[None; 3]; self.triangles.len()];
-        for (edge, triangles) in self.edges.all() {
-            if let Some([(one, tip), (other, other_tip)]) = triangles.both()
-                && self.cosine(edge, [tip, other_tip]) <= COSINE_OF_SMOOTH_EDGE
-            {
-                let is_alike = runs_alike(edge, [tip, other_tip]);
-                for (from, to) in [(one, other), (other, one)] {
-                    let free = neighbors[from as usize]
-                        .iter_mut()
-                        .find(|beyond| beyond.is_none());
-                    if let Some(free) = free {
-                        *free = Some((to, is_alike));
-                    }
-                }
-            }
-        }
-        neighbors
-    }
-
-    /// The cosine of the angle between the triangles from an edge to two corners.
-    fn cosine(&self, edge: [u32; 2], tips: [u32; 2]) -> f64 {
-        let [from, to, one, other] =
-            [edge[0], edge[1], tips[0], tips[1]].map(|corner| self.positions[corner as usize]);
-        opening_cosine(from, to, one, other)
-    }
-
+impl Turned<'_> {
     /// The sharp edges that are at home in the part; there are so many triangles `around` each point.
     fn sharp_edges(&self, around: &[u8]) -> Vec<SharpEdge> {
         let sharp = |(edge, triangles): ([u32; 2], EdgeTriangles<'_>)| {
@@ -289,20 +180,6 @@ impl<'a> Turned<'a> {
         self.edges.all().filter_map(sharp).collect()
     }
 
-    /// Whether a point is at home in the part.
-    fn is_own(&self, corner: u32) -> bool {
-        self.points[corner as usize].home == self.number
-    }
-
-    /// The corners of a triangle in the direction in which it was turned, the first one first.
-    fn turned(&self, triangle: usize) -> Corners {
-        let [a, b, c] = self.triangles[triangle];
-        match self.turns[triangle].1 {
-            true => [a, c, b],
-            false => [a, b, c],
-        }
-    }
-
     /// The part of the whole mesh that these triangles are; there are so many triangles `around` each point.
     fn part(&self, around: &[u8]) -> MeshedPart {
         let mut part = MeshedPart {
@@ -311,15 +188,18 @@ impl<'a> Turned<'a> {
             ..MeshedPart::default()
         };
         let index = |corner: u32| self.points[corner as usize].index;
-        // The sum of the turned triangles around each point, and the component of one of them.
-        let mut normals = vec![(u32::MAX, Local::zeros()); self.points.len()];
+        // For each point the triangle around it that is most parallel to its surface: how much it is, its component,
+        // and whether the normal of the point is on its other side.
+        let mut most_parallel = vec![(-1.0, u32::MAX, false); self.points.len()];
         for (k, &corners) in self.triangles.iter().enumerate() {
             let ((component, is_reversed), turned) = (self.turns[k], self.turned(k));
             let area = doubled_area(places(self.positions, turned));
             for corner in corners {
-                let (of_corner, normal) = &mut normals[corner as usize];
-                *of_corner = component.min(*of_corner);
-                *normal += area;
+                let normal = self.points[corner as usize].normal.unwrap_or_default();
+                let cosine = normal.dot(&area) / area.norm();
+                if cosine.abs() > most_parallel[corner as usize].0 {
+                    most_parallel[corner as usize] = (cosine.abs(), component, cosine < 0.0);
+                }
             }
             if self.is_own(corners[0]) {
                 let figures = &mut part.figures;
@@ -355,12 +235,14 @@ impl<'a> Turned<'a> {
         part.corners = self
             .points
             .iter()
-            .zip(normals)
-            .filter(|(point, (component, _))| point.home == self.number && *component != u32::MAX)
-            .map(|(point, (component, normal))| PartCorner {
+            .zip(most_parallel)
+            .filter(|(point, (_, component, _))| {
+                point.home == self.number && *component != u32::MAX
+            })
+            .map(|(point, (_, component, is_behind))| PartCorner {
                 index: point.index,
                 component,
-                is_behind: point.normal.is_some_and(|own| own.dot(&normal) < 0.0),
+                is_behind,
             })
             .collect();
         part
@@ -376,13 +258,6 @@ impl<'a> Turned<'a> {
         let scanner = self.points[*corner as usize].scanner?;
         Some(doubled_area(places).dot(&(scanner - place)) > 0.0)
     }
-}
-
-/// Whether the triangles from an edge to two corners, all corners in ascending order, run through the edge in the same
-/// direction, so that one of them must be turned around.
-fn runs_alike(edge: [u32; 2], tips: [u32; 2]) -> bool {
-    let [one, other] = tips.map(|tip| edge[0] < tip && tip < edge[1]);
-    one == other
 }
 
 /// How many different numbers these are.

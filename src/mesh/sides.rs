@@ -1,29 +1,29 @@
 //! The components of a mesh over all of its parts, each turned to one side.
 //!
-//! Triangles hang together by smooth edges first, then by sharp ones, the flattest first. Where two triangles that hang
-//! together another way would have to be turned in opposite directions, as on a strip of Möbius, one of
-//! them is *cut* out of the mesh.
+//! Triangles hang together by the smooth edges inside of a cell first, then by all others, the flattest first. Where two
+//! triangles that hang together another way would have to be turned in opposite directions, as on a strip of Möbius,
+//! one of them is *cut* out of the mesh. Cells have fixed places, and parts consist of whole cells, so that parts do not
+//! show.
 
 use std::collections::{HashMap, HashSet};
 
 use super::{
     Corners, MeshFigures,
     component::Component,
+    joined::{Joined, Joining},
     part::{MeshedPart, SharpEdge},
 };
 
 /// The components of a mesh, as they are joined while its parts come in.
 #[derive(Debug, Default)]
 pub(crate) struct Sides {
-    /// For each component of a part the component that it was joined to, and whether the two are turned in
-    /// opposite directions; itself, if it was joined to none.
-    joined: Vec<(u32, bool)>,
+    /// The components of all parts.
+    joined: Joined,
     components: Vec<Component>,
     /// The triangles that another part will know as well.
     open: HashMap<Corners, OpenLink>,
     /// The sharp edges, with the components of their sides among all.
     sharp_edges: Vec<SharpEdge>,
-    one_sided: u64,
 }
 
 /// A triangle that another part will know as well.
@@ -41,10 +41,7 @@ impl Sides {
     /// Takes the components, links and sharp edges of a part and joins the components with those of earlier parts. Returns the number of the first
     /// one among all.
     pub(crate) fn add(&mut self, part: &mut MeshedPart) -> u32 {
-        let first = self.joined.len() as u32;
-        let count = part.components.len() as u32;
-        self.joined
-            .extend((first..first + count).map(|k| (k, false)));
+        let first = self.joined.push(part.components.len());
         self.components.append(&mut part.components);
         for mut edge in part.sharp_edges.drain(..) {
             edge.sides
@@ -68,49 +65,26 @@ impl Sides {
             if expected == 0 {
                 self.open.remove(&link.corners);
             }
-            let is_joined = self.join(component, other, link.is_reversed ^ is_reversed);
-            self.one_sided += u64::from(!is_joined);
+            // One of the two components is nothing but this triangle, so that it cannot be joined in the other way.
+            self.join(component, other, link.is_reversed ^ is_reversed);
         }
         first
-    }
-
-    /// The component that `component` belongs to, and whether it is turned in the opposite direction.
-    fn root(&mut self, component: u32) -> (u32, bool) {
-        let (mut root, mut is_reversed) = (component, false);
-        while self.joined[root as usize].0 != root {
-            let (next, turn) = self.joined[root as usize];
-            is_reversed ^= turn;
-            root = next;
-        }
-        // The next search is shorter.
-        let (mut at, mut rest) = (component, is_reversed);
-        while self.joined[at as usize].0 != root && at != root {
-            let (next, turn) = self.joined[at as usize];
-            self.joined[at as usize] = (root, rest);
-            rest ^= turn;
-            at = next;
-        }
-        (root, is_reversed)
     }
 
     /// Joins two components, one of which is turned around if `is_reversed`; `false` if they are joined in
     /// the other way already.
     fn join(&mut self, one: u32, other: u32, is_reversed: bool) -> bool {
-        let ((one, turn), (other, other_turn)) = (self.root(one), self.root(other));
-        let is_reversed = is_reversed ^ turn ^ other_turn;
-        if one == other {
-            return !is_reversed;
+        let joining = self.joined.join(one, other, is_reversed);
+        if let Joining::New {
+            root,
+            joined,
+            is_reversed,
+        } = joining
+        {
+            let component = std::mem::take(&mut self.components[joined as usize]);
+            self.components[root as usize].merge(&component, is_reversed);
         }
-        // The earlier one stays, whose triangles come first.
-        let (root, joined) = if one < other {
-            (one, other)
-        } else {
-            (other, one)
-        };
-        self.joined[joined as usize] = (root, is_reversed);
-        let component = std::mem::take(&mut self.components[joined as usize]);
-        self.components[root as usize].merge(&component, is_reversed);
-        true
+        joining != Joining::Conflict
     }
 
     /// Joins components by their sharp edges, and settles the side of each. The counts of what is cut out are
@@ -126,8 +100,8 @@ impl Sides {
                 cuts.cut(&edge, figures);
             }
         }
-        let roots: Vec<(u32, bool)> = (0..self.joined.len() as u32)
-            .map(|k| self.root(k))
+        let roots: Vec<(u32, bool)> = (0..self.joined.len())
+            .map(|k| self.joined.root(k))
             .collect();
         let is_reversed = roots
             .iter()
@@ -137,7 +111,7 @@ impl Sides {
             root == k && self.components[k as usize].triangles > 0
         };
         figures.components = (0..).zip(&roots).filter(is_whole).count() as u64;
-        figures.one_sided = self.one_sided;
+        figures.cut = cuts.triangles.len() as u64;
         SettledSides {
             is_reversed,
             cut: cuts.triangles,

@@ -33,6 +33,7 @@ fn cloud(places: impl Iterator<Item = (Local, Local)>, noise: f64) -> Vec<MeshPo
                 scanner: None,
                 index,
                 home: 0,
+                cell: [0; 2],
             }
         })
         .collect()
@@ -83,6 +84,9 @@ fn is_watertight(triangles: &[Corners]) -> bool {
         .all(|runs| matches!(runs[..], [true, false] | [false, true]))
 }
 
+/// The edge of the cells of parts, of which the edges of parts are multiples.
+const CELL_IN_SPACINGS: f64 = 5.0;
+
 /// The mesh on the surfaces of `points` in parts: squares of this `edge` in spacings.
 fn in_parts(points: &[MeshPoint], spacing: f64, edge: f64) -> (Vec<Corners>, MeshFigures) {
     in_parts_of(MeshedPoints::Surfaces, points, spacing, edge)
@@ -111,8 +115,10 @@ fn in_parts_of(
                 |c: i32, k: i64| (k * units - i64::from(c)).max(i64::from(c) - (k + 1) * units);
             beyond(point.x, own[0]) <= reach && beyond(point.y, own[1]) <= reach
         };
+        let cell_edge = QUANTIZATION.units(CELL_IN_SPACINGS * spacing);
         let seen = points.iter().filter(near).map(|&point| MeshPoint {
             home: homes.binary_search(&home(point.point)).unwrap() as u32,
+            cell: [point.point.y, point.point.x].map(|c| i64::from(c).div_euclid(cell_edge) as i32),
             ..point
         });
         let mut part = MeshedPart::new(number, seen.collect(), &QUANTIZATION, spacing, meshed);
@@ -249,9 +255,18 @@ fn a_strip_of_moebius_is_cut_open() {
             (out * 19.1 + way * offset, way.cross(&along))
         })
     });
-    let (triangles, figures) = mesh_of_whole(cloud(places, 0.01), &QUANTIZATION, 1.0);
+    let mesh = |noise: f64, edge: f64| in_parts(&cloud(places.clone(), noise), 1.0, edge);
+    let (triangles, figures) = mesh(0.01, 1e6);
     assert!(triangles.len() > 1500);
     assert_eq!(figures.components, 1);
+    // No more than once across.
+    assert!((1..=20).contains(&figures.cut), "{}", figures.cut);
+    // Where it is cut does not depend on the parts.
+    for noise in [0.01, 0.2, 0.3] {
+        let whole = mesh(noise, 1e6);
+        assert!(whole.1.cut > 0);
+        assert!(mesh(noise, 10.0) == whole && mesh(noise, 15.0) == whole);
+    }
     let one_way = |runs: &Vec<bool>| runs.len() == 1 || runs[0] != runs[1];
     assert!(edges_of(&triangles).values().all(one_way));
 }

@@ -41,8 +41,8 @@ pub(super) struct MeshReport {
     components: u64,
     /// Points − edges + triangles.
     euler_characteristic: i64,
-    /// The number of places where triangles around a loop have no common front.
-    one_sided: u64,
+    /// The number of triangles that were cut out, because those around a loop have no common front.
+    cut: u64,
     /// The median of the smallest angles of all triangles.
     smallest_angle_median: f64,
     /// The 1st percentile of the smallest angles.
@@ -76,7 +76,7 @@ impl MeshReport {
             border_edges: figures.border_edges,
             components: figures.components,
             euler_characteristic: figures.euler_characteristic(),
-            one_sided: figures.one_sided,
+            cut: figures.cut,
             smallest_angle_median: figures.angle(0.5),
             smallest_angle_p1: figures.angle(0.01),
             smallest_angle_min: figures.angle(0.0),
@@ -95,12 +95,12 @@ impl MeshReport {
                 self.smallest_angle_median, self.smallest_angle_p1
             ),
         };
-        let one_sided = match self.one_sided {
+        let cut = match self.cut {
             0 => String::new(),
-            places => format!(", {} one-sided places", thousands(places)),
+            triangles => format!(", {} triangles cut out", thousands(triangles)),
         };
         format!(
-            "{} triangles{angles}; {} border edges, {} components{one_sided}: {}",
+            "{} triangles{angles}; {} border edges, {} components{cut}: {}",
             thousands(self.triangles),
             thousands(self.border_edges),
             thousands(self.components),
@@ -184,11 +184,11 @@ impl MeshReport {
                  hole and 2 for each handle.",
             ),
         ];
-        if self.one_sided > 0 {
+        if self.cut > 0 {
             rows.push((
-                "one-sided places",
-                thousands(self.one_sided),
-                "Triangles around a loop have no common front there, as on a strip of Möbius; the mesh is cut.",
+                "triangles cut out",
+                thousands(self.cut),
+                "Triangles around a loop had no common front there, as on a strip of Möbius; the least flat edges were cut.",
             ));
         }
         rows
@@ -276,16 +276,14 @@ mod tests {
     }
 
     #[test]
-    fn one_sided_places_are_named_where_there_are_any() {
+    fn triangles_that_were_cut_out_are_named_where_there_are_any() {
         let mut figures = figures();
         let without = MeshReport::new(&figures, &[], "a.ply");
-        assert!(
-            !without.section().contains("one-sided") && !without.summary().contains("one-sided")
-        );
-        figures.one_sided = 2;
+        assert!(!without.section().contains("cut out") && !without.summary().contains("cut out"));
+        figures.cut = 2;
         let with = MeshReport::new(&figures, &[], "a.ply");
-        assert!(with.section().contains("one-sided"));
-        assert!(with.summary().contains(", 2 one-sided places: a.ply"));
+        assert!(with.section().contains("cut out"));
+        assert!(with.summary().contains(", 2 triangles cut out: a.ply"));
     }
 
     #[test]

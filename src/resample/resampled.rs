@@ -5,6 +5,7 @@ use crate::{
     lloyd::Rings,
     mesh::{MeshPoint, mesh_of_whole},
     quality::Uniformity,
+    tiling::{CellGrid, CellKey},
 };
 
 /// An even cloud, in the unit of the input. All vectors have one entry for each output point, in the same
@@ -81,16 +82,21 @@ impl Resampled {
     /// # Ok::<(), lloydar::ResampleError>(())
     /// ```
     pub fn triangles(&self) -> Vec<[u32; 3]> {
+        let cells =
+            CellGrid::new(CellGrid::of_mesh_cells(self.spacing, &self.quantization).square());
         let all = self.points.iter().zip(&self.normals);
         let points = (0..).zip(all).filter_map(|(index, (&point, &normal))| {
+            let point = self.quantization.quantise(point)?;
+            let CellKey { row, column } = cells.cell(point);
             Some(MeshPoint {
-                point: self.quantization.quantise(point)?,
+                point,
                 // As a file has it.
                 normal: has_direction(normal)
                     .then(|| Local::from(normal.map(|component| f64::from(component as f32)))),
                 scanner: None,
                 index,
                 home: 0,
+                cell: [row, column],
             })
         });
         mesh_of_whole(points.collect(), &self.quantization, self.spacing).0

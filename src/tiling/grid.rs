@@ -3,7 +3,7 @@
 //! Cells and squares are anchored at the origin of the stored coordinates and decided by integer
 //! arithmetic, so that every point has exactly one of each, on an edge as elsewhere.
 
-use crate::geometry::{Rect, Stored};
+use crate::geometry::{Quantization, Rect, Stored};
 
 /// Counting squares along the edge of a cell.
 pub(crate) const SQUARES_PER_CELL_EDGE: i64 = 8;
@@ -11,6 +11,9 @@ pub(crate) const SQUARES_PER_CELL_EDGE: i64 = 8;
 /// The most cells that may be occupied. With more the grid is made coarser; because the number of occupied
 /// cells depends on the points alone, and not on their order, so does the grid.
 pub(crate) const MAX_OCCUPIED_CELLS: usize = 8192;
+
+/// The edge of the cells of a mesh in spacings.
+const MESH_CELL_IN_SPACINGS: f64 = 64.0;
 
 /// Cells along the longer side of the claimed extent at the least: where cells of the usual width are fewer,
 /// the grid begins finer.
@@ -53,6 +56,12 @@ impl CellGrid {
         Self {
             edge: squares.max(1) * SQUARES_PER_CELL_EDGE,
         }
+    }
+
+    /// The grid whose counting squares are the cells of a mesh between points at `spacing` (CRS units).
+    pub(crate) fn of_mesh_cells(spacing: f64, quantization: &Quantization) -> Self {
+        let edge = quantization.units(MESH_CELL_IN_SPACINGS * spacing);
+        Self::new(SQUARES_PER_CELL_EDGE * edge)
     }
 
     /// A grid to begin with, for a scan whose header claims to be `extent` wide, with cells of `usual` width or

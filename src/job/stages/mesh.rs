@@ -100,7 +100,8 @@ impl MeshSource<'_> {
         let wide = part.core.grown(self.reach());
         let mut points = Vec::new();
         for &cell in part.cells.iter().chain(&part.around) {
-            let first = self.points.cells()[cell].first as u32;
+            let OrderedCell { key, first, .. } = self.points.cells()[cell];
+            let first = first as u32;
             let records = self.points.records(cell)?;
             let length = self.record.record_length();
             for (index, bytes) in (first..).zip(records.chunks_exact(length)) {
@@ -120,6 +121,7 @@ impl MeshSource<'_> {
                         .of(self.quantization.local(point), record.gps_time()),
                     index,
                     home: homes[cell],
+                    cell: [key.row, key.column],
                 });
             }
         }

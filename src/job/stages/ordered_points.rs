@@ -12,11 +12,8 @@ use crate::{
     job::error::JobError,
     las::SortedRecords,
     tile::{BlockFile, TileError},
-    tiling::{CellGrid, CellKey, SQUARES_PER_CELL_EDGE},
+    tiling::{CellGrid, CellKey},
 };
-
-/// Edge of a cell in spacings.
-const CELL_IN_SPACINGS: f64 = 64.0;
 
 /// The grids by which the points of a mesh are put in order.
 #[derive(Clone, Copy, Debug)]
@@ -30,8 +27,7 @@ pub(super) struct OrderingGrids {
 impl OrderingGrids {
     /// The grids for points at `spacing` (CRS units).
     pub(super) fn new(spacing: f64, quantization: &Quantization) -> Self {
-        let groups =
-            CellGrid::new(SQUARES_PER_CELL_EDGE * quantization.units(CELL_IN_SPACINGS * spacing));
+        let groups = CellGrid::of_mesh_cells(spacing, quantization);
         Self {
             cells: CellGrid::new(groups.square()),
             groups,
