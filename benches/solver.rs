@@ -1,12 +1,16 @@
 //! What a tile costs: the scan sorted and sampled, a Lloyd iteration, and what they are made
-//! of; and the solver alone on a street.
+//! of; the solver alone on a street; and the triangles between its points.
 
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use lloydar::internals::{
-    BOUNDING_SIDES, Cell, Local, Neighbor, Patch, PatchKind, Quantization, Scan, SolverOptions,
-    Stored, Street, StreetOptions, TileRegion, solve,
+use lloydar::{
+    Options,
+    internals::{
+        BOUNDING_SIDES, Cell, Local, Neighbor, Patch, PatchKind, Quantization, Scan, SolverOptions,
+        Stored, Street, StreetOptions, TileRegion, solve,
+    },
+    resample,
 };
 
 const QUANTIZATION: Quantization = Quantization {
@@ -61,7 +65,21 @@ fn benches(criterion: &mut Criterion) {
         b.iter(|| black_box(Patch::fit(near[0], &near, 0.03, PatchKind::Quadratic)));
     });
     cells(criterion);
+    triangles(criterion, &points);
     street(criterion);
+}
+
+/// The triangles between the even points of a sheet.
+fn triangles(criterion: &mut Criterion, points: &[Stored]) {
+    let positions: Vec<[f64; 3]> = points
+        .iter()
+        .map(|&p| QUANTIZATION.local(p).into())
+        .collect();
+    let even = resample(&positions, &Options::with_count(20_000)).expect("the sheet is a surface");
+    let mut group = criterion.benchmark_group("mesh");
+    group.throughput(Throughput::Elements(even.points.len() as u64));
+    group.bench_function("triangles", |b| b.iter(|| black_box(even.triangles())));
+    group.finish();
 }
 
 /// The solver alone, at twenty points to the seed: what 21 iterations take longer than one

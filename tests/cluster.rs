@@ -84,6 +84,41 @@ fn whoever_dies_the_cloud_is_that_of_one_process() {
 }
 
 #[test]
+fn a_mesh_by_many_is_that_of_one_process() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = street(dir.path());
+    let path = |name: &str| dir.path().join(name);
+    let (one, many) = (path("one-mesh"), path("many-mesh"));
+    let tiles = ["--output-tiles", "20", "--mesh"];
+    succeed(
+        &scans,
+        &path("one"),
+        &[&OPTIONS[..], &tiles, &[text(&one)]].concat(),
+    );
+    let output = path("many");
+    let scatter = ["scatter", text(&scans), "-o", text(&output), "--quiet"];
+    well(&[&scatter[..], &OPTIONS, &tiles, &[text(&many)]].concat());
+    let job = path("many.job");
+    let mut beside = start(&["solve", text(&job), "--threads", "1"]);
+    well(&["solve", text(&job), "--threads", "1", "--quiet"]);
+    assert!(beside.wait().unwrap().success());
+    well(&["stitch", text(&job), "--quiet"]);
+    let files = |mesh: &Path| {
+        let mut names: Vec<PathBuf> = fs::read_dir(mesh)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into())
+            .collect();
+        names.sort();
+        names
+    };
+    assert!(files(&one).len() > 6 && files(&one) == files(&many));
+    for name in files(&one) {
+        let [by_one, by_many] = [&one, &many].map(|mesh| fs::read(mesh.join(&name)).unwrap());
+        assert!(by_one == by_many, "{}", name.display());
+    }
+}
+
+#[test]
 fn one_process_goes_on_where_many_were_and_stitch_solves_what_is_left() {
     let dir = tempfile::tempdir().unwrap();
     let (many, job, expected) = scattered(dir.path());

@@ -7,10 +7,7 @@
 //!             └───┴───┴───┴───┘
 //! ```
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::{fs, path::Path};
 
 use super::{
     complete::{CompletedJob, complete_job},
@@ -106,13 +103,12 @@ fn level_job(
     memory: u64,
 ) -> JobDescription {
     let settings = &job.settings;
-    let of_level = |ending: &str| -> PathBuf { output.with_extension(ending) };
     JobDescription {
         inputs: vec![cloud.to_owned()],
         output: output.to_owned(),
         // The tiles of a level are written to those of the other levels.
         mesh: job.mesh.clone(),
-        dir: of_level("job"),
+        dir: output.with_extension("job"),
         scratch: job.scratch.clone(),
         settings: Settings {
             target: Target::Spacing(spacing),

@@ -32,8 +32,8 @@ pub(crate) struct MeshedPart {
     pub(crate) components: Vec<Component>,
     /// The triangles that other parts know as well.
     pub(crate) links: Vec<Link>,
-    /// The sharp edges that are at home here.
-    pub(crate) sharp_edges: Vec<SharpEdge>,
+    /// The joints that are at home here.
+    pub(crate) joints: Vec<Joint>,
     /// The counts of what is at home here; components are not counted.
     pub(crate) figures: MeshFigures,
 }
@@ -71,23 +71,23 @@ pub(crate) struct Link {
     pub(crate) known_by: u8,
 }
 
-/// An edge at which the surface bends sharply, or at which triangles that hang together otherwise could not be turned the
-/// same way.
+/// An edge at which components hang together: it is sharp, or leads to another cell; or its triangles could not be turned the
+/// same way around.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct SharpEdge {
+pub(crate) struct Joint {
     /// Its corners by their indices in the whole cloud, in ascending order.
     pub(super) edge: [u32; 2],
     /// The triangles on it.
-    pub(super) sides: [SharpSide; 2],
+    pub(super) sides: [JointSide; 2],
     /// The cosine of the angle between them.
     pub(super) cosine: f32,
     /// Whether one of the two components must be turned around for the triangles to have the same turn.
     pub(super) is_reversed: bool,
 }
 
-/// A triangle on a sharp edge.
+/// A triangle at a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct SharpSide {
+pub(super) struct JointSide {
     /// The index of its component in the part.
     pub(super) component: u32,
     /// The corner opposite to the edge.
@@ -96,7 +96,7 @@ pub(super) struct SharpSide {
     pub(super) around_opposite: u8,
     /// The class of the smallest angle of the triangle.
     pub(super) angle: AngleClass,
-    /// Whether there is a triangle beyond each of its other edges: that to the first corner of the sharp edge,
+    /// Whether there is a triangle beyond each of its other edges: that to the first corner of the joint,
     /// and that to the second.
     pub(super) has_beyond: [bool; 2],
 }
@@ -142,9 +142,9 @@ impl MeshedPart {
 }
 
 impl Turned<'_> {
-    /// The sharp edges that are at home in the part; there are so many triangles `around` each point.
-    fn sharp_edges(&self, around: &[u8]) -> Vec<SharpEdge> {
-        let sharp = |(edge, triangles): ([u32; 2], EdgeTriangles<'_>)| {
+    /// The joints that are at home in the part; there are so many triangles `around` each point.
+    fn joints(&self, around: &[u8]) -> Vec<Joint> {
+        let joint = |(edge, triangles): ([u32; 2], EdgeTriangles<'_>)| {
             let [one, other] = triangles.both().filter(|_| self.is_own(edge[0]))?;
             let tips = [one.1, other.1];
             let turns = [one, other].map(|(triangle, _)| self.turns[triangle as usize]);
@@ -152,7 +152,7 @@ impl Turned<'_> {
             if turns[0].0 == turns[1].0 && !is_reversed {
                 return None;
             }
-            let side = |k: usize| SharpSide {
+            let side = |k: usize| JointSide {
                 component: turns[k].0,
                 opposite: self.points[tips[k] as usize].index,
                 around_opposite: around[tips[k] as usize],
@@ -162,29 +162,29 @@ impl Turned<'_> {
                 ))),
                 has_beyond: edge.map(|corner| self.edges.of(corner, tips[k]).len() > 1),
             };
-            let mut sharp = SharpEdge {
+            let mut joint = Joint {
                 edge: edge.map(|corner| self.points[corner as usize].index),
                 sides: [side(0), side(1)],
                 cosine: self.cosine(edge, tips) as f32,
                 is_reversed,
             };
-            if sharp.edge[0] > sharp.edge[1] {
-                sharp.edge.reverse();
-                sharp
+            if joint.edge[0] > joint.edge[1] {
+                joint.edge.reverse();
+                joint
                     .sides
                     .iter_mut()
                     .for_each(|side| side.has_beyond.reverse());
             }
-            Some(sharp)
+            Some(joint)
         };
-        self.edges.all().filter_map(sharp).collect()
+        self.edges.all().filter_map(joint).collect()
     }
 
     /// The part of the whole mesh that these triangles are; there are so many triangles `around` each point.
     fn part(&self, around: &[u8]) -> MeshedPart {
         let mut part = MeshedPart {
             components: vec![Component::default(); self.components as usize],
-            sharp_edges: self.sharp_edges(around),
+            joints: self.joints(around),
             ..MeshedPart::default()
         };
         let index = |corner: u32| self.points[corner as usize].index;

@@ -11,7 +11,7 @@ use super::{
     Corners, MeshFigures,
     component::Component,
     joined::{Joined, Joining},
-    part::{MeshedPart, SharpEdge},
+    part::{Joint, MeshedPart},
 };
 
 /// The components of a mesh, as they are joined while its parts come in.
@@ -22,8 +22,8 @@ pub(crate) struct Sides {
     components: Vec<Component>,
     /// The triangles that another part will know as well.
     open: HashMap<Corners, OpenLink>,
-    /// The sharp edges, with the components of their sides among all.
-    sharp_edges: Vec<SharpEdge>,
+    /// The joints, with the components of their sides among all.
+    joints: Vec<Joint>,
 }
 
 /// A triangle that another part will know as well.
@@ -38,16 +38,16 @@ struct OpenLink {
 }
 
 impl Sides {
-    /// Takes the components, links and sharp edges of a part and joins the components with those of earlier parts. Returns the number of the first
+    /// Takes the components, links and joints of a part, and joins what links name. Returns the number of the first
     /// one among all.
     pub(crate) fn add(&mut self, part: &mut MeshedPart) -> u32 {
         let first = self.joined.push(part.components.len());
         self.components.append(&mut part.components);
-        for mut edge in part.sharp_edges.drain(..) {
+        for mut edge in part.joints.drain(..) {
             edge.sides
                 .iter_mut()
                 .for_each(|side| side.component += first);
-            self.sharp_edges.push(edge);
+            self.joints.push(edge);
         }
         for link in part.links.drain(..) {
             let component = first + link.component;
@@ -87,14 +87,13 @@ impl Sides {
         joining != Joining::Conflict
     }
 
-    /// Joins components by their sharp edges, and settles the side of each. The counts of what is cut out are
+    /// Joins components at their joints, and settles the side of each. The counts of what is cut out are
     /// taken off the `figures`.
     pub(crate) fn settle(mut self, figures: &mut MeshFigures) -> SettledSides {
-        let mut sharp_edges = std::mem::take(&mut self.sharp_edges);
-        sharp_edges
-            .sort_unstable_by(|a, b| a.cosine.total_cmp(&b.cosine).then(a.edge.cmp(&b.edge)));
+        let mut joints = std::mem::take(&mut self.joints);
+        joints.sort_unstable_by(|a, b| a.cosine.total_cmp(&b.cosine).then(a.edge.cmp(&b.edge)));
         let mut cuts = Cuts::default();
-        for edge in sharp_edges {
+        for edge in joints {
             let [one, other] = edge.sides.map(|side| side.component);
             if !self.join(one, other, edge.is_reversed) {
                 cuts.cut(&edge, figures);
@@ -131,7 +130,7 @@ struct Cuts {
 
 impl Cuts {
     /// Cuts one of the triangles on `edge` out of the mesh, unless one is already, and takes it off the `figures`.
-    fn cut(&mut self, edge: &SharpEdge, figures: &mut MeshFigures) {
+    fn cut(&mut self, edge: &Joint, figures: &mut MeshFigures) {
         let [from, to] = edge.edge;
         let corners = edge.sides.map(|side| {
             let mut corners = [from, to, side.opposite];
