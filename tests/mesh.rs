@@ -430,7 +430,7 @@ fn wires_and_leaves_have_triangles_if_they_are_asked_for() {
     let all = figures("all", &["--mesh-of", "all"]);
     // Wires, and points with too few around them, are left.
     assert!(
-        all[0] < surfaces[0] / 2 && all[1] > surfaces[1],
+        4 * all[0] < 3 * surfaces[0] && all[1] > surfaces[1],
         "{surfaces:?} {all:?}"
     );
 }
