@@ -3,7 +3,7 @@
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap},
     fs,
-    path::Path,
+    path::{Path, PathBuf},
     thread,
     time::{Duration, Instant},
 };
@@ -19,6 +19,11 @@ use crate::running::{lloydar, points_in_order, report, run, start, street, succe
 const SPACING: &str = "0.3";
 /// The ASPRS classes of what has no surface, or one narrower than a spacing: foliage, wires, poles and stems.
 const WITHOUT_SURFACE: [u8; 3] = [5, 14, 15];
+
+/// The files of a cloud and of its mesh in `dir`, by their endings.
+fn files_of(dir: &Path, name: &str, endings: [&str; 2]) -> [PathBuf; 2] {
+    endings.map(|ending| dir.join(format!("{name}.{ending}")))
+}
 
 /// A mesh as an OBJ file has it.
 struct Mesh {
@@ -114,10 +119,7 @@ fn tiles_threads_memory_and_kills_do_not_show_in_the_mesh() {
     let dir = tempfile::tempdir().unwrap();
     let scans = street(dir.path());
     let mesh_of = |name: &str, spacing: &str, more: &[&str]| {
-        let (cloud, mesh) = (
-            dir.path().join(format!("{name}.laz")),
-            dir.path().join(format!("{name}.ply")),
-        );
+        let [cloud, mesh] = files_of(dir.path(), name, ["laz", "ply"]);
         let mut arguments = vec!["--spacing", spacing, "--mesh", text(&mesh)];
         arguments.extend(more);
         succeed(&scans, &cloud, &arguments);
@@ -380,10 +382,7 @@ fn a_mesh_looks_towards_its_scanner_and_normals_follow() {
     let scans = street(dir.path());
     // From below, the ground looks downwards.
     let place = |name: &str, more: &[&str]| {
-        let (cloud, path) = (
-            dir.path().join(format!("{name}.las")),
-            dir.path().join(format!("{name}.obj")),
-        );
+        let [cloud, path] = files_of(dir.path(), name, ["las", "obj"]);
         let mut arguments = vec!["--spacing", "0.5", "--mesh", text(&path)];
         arguments.extend(more);
         succeed(&scans, &cloud, &arguments);
@@ -417,10 +416,7 @@ fn wires_and_leaves_have_triangles_if_they_are_asked_for() {
     let dir = tempfile::tempdir().unwrap();
     let scans = street(dir.path());
     let figures = |name: &str, more: &[&str]| {
-        let (cloud, mesh) = (
-            dir.path().join(format!("{name}.laz")),
-            dir.path().join(format!("{name}.ply")),
-        );
+        let [cloud, mesh] = files_of(dir.path(), name, ["laz", "ply"]);
         let words = ["--spacing", SPACING, "--mesh", text(&mesh)];
         succeed(&scans, &cloud, &[&words[..], more].concat());
         let report = report(&cloud);

@@ -15,6 +15,8 @@
 #include <iterator>
 #include <vector>
 
+#include "points.hpp"
+
 using Point = CGAL::Exact_predicates_inexact_constructions_kernel::Point_3;
 
 int main(int count, char **arguments) {
@@ -22,11 +24,7 @@ int main(int count, char **arguments) {
     std::fprintf(stderr, "front IN OUT\n");
     return 2;
   }
-  std::ifstream in(arguments[1], std::ios::binary);
-  std::vector<Point> points;
-  double place[3];
-  while (in.read(reinterpret_cast<char *>(place), sizeof place))
-    points.emplace_back(place[0], place[1], place[2]);
+  std::vector<Point> points = read_points<Point>(arguments[1]);
 
   const auto begun = std::chrono::steady_clock::now();
   std::vector<std::array<std::size_t, 3>> triangles;

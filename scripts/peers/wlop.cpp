@@ -12,6 +12,8 @@
 #include <iterator>
 #include <vector>
 
+#include "points.hpp"
+
 using Point = CGAL::Simple_cartesian<double>::Point_3;
 
 int main(int count, char **arguments) {
@@ -19,11 +21,7 @@ int main(int count, char **arguments) {
     std::fprintf(stderr, "wlop IN OUT COUNT\n");
     return 2;
   }
-  std::ifstream in(arguments[1], std::ios::binary);
-  std::vector<Point> points;
-  double place[3];
-  while (in.read(reinterpret_cast<char *>(place), sizeof place))
-    points.emplace_back(place[0], place[1], place[2]);
+  std::vector<Point> points = read_points<Point>(arguments[1]);
 
   std::vector<Point> kept;
   const double share = 100.0 * std::atof(arguments[3]) / points.size();

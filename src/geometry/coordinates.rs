@@ -88,6 +88,12 @@ impl Quantization {
         Self::around(min, max, scale)
     }
 
+    /// Local coordinates of a place in world coordinates.
+    #[inline]
+    pub(crate) fn local_of_world(&self, world: [f64; 3]) -> Local {
+        Local::from(world) - Local::from(self.offset)
+    }
+
     /// World coordinates of `local`.
     #[inline]
     pub(crate) fn world_of_local(&self, local: Local) -> [f64; 3] {

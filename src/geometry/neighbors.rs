@@ -13,7 +13,7 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
-use super::{Local, OccupiedCells, cell_of};
+use super::{Local, Neighbor, OccupiedCells, cell_of};
 
 /// Points by the cell of a cubic grid.
 #[derive(Debug, Clone)]
@@ -62,6 +62,19 @@ impl NeighborGrid {
     pub fn visit_around(&self, center: Local, radius: f64, visit: impl FnMut(u32, Local)) {
         let reach = Local::repeat(radius);
         self.visit_box(center - reach, center + reach, visit);
+    }
+
+    /// Fills `neighbors` with the points within `radius` (CRS units) of `site`, nearest first; a point in the same place
+    /// is none.
+    pub(crate) fn find_neighbors(&self, site: Local, radius: f64, neighbors: &mut Vec<Neighbor>) {
+        neighbors.clear();
+        self.visit_around(site, radius, |index, point| {
+            let neighbor = Neighbor::new(site, index, point);
+            if neighbor.distance_squared > 0.0 && neighbor.distance_squared <= radius * radius {
+                neighbors.push(neighbor);
+            }
+        });
+        Neighbor::sort(neighbors);
     }
 
     /// Fills `near` with the points nearer to `center` than `radius` (CRS units).

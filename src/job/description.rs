@@ -2,7 +2,7 @@
 
 use std::{
     fs::{self, File},
-    path::PathBuf,
+    path::{Path, PathBuf},
 };
 
 use serde::{Deserialize, Serialize};
@@ -103,23 +103,17 @@ impl JobDescription {
     ///
     /// # Errors
     ///
-    /// [`JobError::Las`] if a file beside the output cannot be created, or if the output is a
-    /// directory with other files in it.
+    /// [`JobError::Las`] if a file beside the output or its mesh cannot be created, or if the output is
+    /// a directory with other files in it.
     pub(crate) fn check_output(&self) -> Result<Format, JobError> {
         let format = self.format()?;
         format.check_replaceable(&self.output)?;
-        let wrong = |e| LasError::new(&self.output, format!("cannot be written: {e}"));
-        let trial = self.output.with_extension("lloydar-trial");
-        File::create(&trial).map_err(wrong)?;
-        fs::remove_file(&trial).map_err(wrong)?;
+        try_beside(&self.output)?;
         if let Some(mesh) = &self.mesh {
             if self.mesh_tile_edge().is_none() {
                 MeshFormat::of_path(mesh)?;
             }
-            let wrong = |e| LasError::new(mesh, format!("cannot be written: {e}"));
-            let trial = mesh.with_extension("lloydar-trial");
-            File::create(&trial).map_err(wrong)?;
-            fs::remove_file(&trial).map_err(wrong)?;
+            try_beside(mesh)?;
             if *mesh == self.output {
                 let problem = "is the name of the cloud and of its mesh; give two names";
                 return Err(LasError::new(mesh, problem).into());
@@ -172,4 +166,12 @@ impl JobDescription {
             "settings": settings,
         })
     }
+}
+
+/// Creates and removes a file beside `path`.
+fn try_beside(path: &Path) -> Result<(), LasError> {
+    let wrong = |e| LasError::new(path, format!("cannot be written: {e}"));
+    let trial = path.with_extension("lloydar-trial");
+    File::create(&trial).map_err(wrong)?;
+    fs::remove_file(&trial).map_err(wrong)
 }

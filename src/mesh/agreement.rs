@@ -189,8 +189,8 @@ fn find(positions: &[Local], candidates: &[Candidate]) -> Found {
         by_corner
             .par_iter()
             .with_min_len(1024)
-            .fold(Found::default, |mut found, around| {
-                found.look_around(positions, candidates, around);
+            .fold(Found::default, |mut found, incident| {
+                found.compare(positions, candidates, incident);
                 found
             });
     found.reduce(Found::default, |mut found, mut other| {
@@ -201,21 +201,16 @@ fn find(positions: &[Local], candidates: &[Candidate]) -> Found {
 }
 
 impl Found {
-    /// Looks at the candidates `around` a corner.
-    fn look_around(
-        &mut self,
-        positions: &[Local],
-        candidates: &[Candidate],
-        around: &[(u32, u32)],
-    ) {
-        let tip = around[0].0;
+    /// Compares the candidates that are incident to a vertex; each is given with that vertex.
+    fn compare(&mut self, positions: &[Local], candidates: &[Candidate], incident: &[(u32, u32)]) {
+        let tip = incident[0].0;
         let is_named = |k: u32| candidates[k as usize].is_named_by(tip);
         // The triangles of one star do not overlap at its site, and two at most have a common edge.
-        if around.iter().all(|&(_, k)| is_named(k)) {
+        if incident.iter().all(|&(_, k)| is_named(k)) {
             return;
         }
-        for (i, &(_, one)) in around.iter().enumerate() {
-            for &(_, other) in &around[i + 1..] {
+        for (i, &(_, one)) in incident.iter().enumerate() {
+            for &(_, other) in &incident[i + 1..] {
                 let is_one_star = is_named(one) && is_named(other);
                 let [one_corners, other_corners] =
                     [one, other].map(|k| candidates[k as usize].corners);
@@ -225,7 +220,7 @@ impl Found {
             }
         }
         let ends = |k: u32| others(candidates[k as usize].corners, tip);
-        let mut ways: Vec<(u32, u32)> = around
+        let mut ways: Vec<(u32, u32)> = incident
             .iter()
             .flat_map(|&(_, k)| ends(k).map(|end| (end, k)))
             .filter(|&(end, _)| tip < end)

@@ -1,9 +1,11 @@
 //! Normals of points where the scan describes no surface, as on wires and leaves: those of the planes through their
 //! neighbours.
 
+use std::iter;
+
 use rayon::prelude::*;
 
-use crate::geometry::{ITEMS_PER_TASK, Local, Neighbor, NeighborGrid, narrow_frame};
+use crate::geometry::{ITEMS_PER_TASK, Local, NeighborGrid, narrow_frame};
 
 /// The distance within which points are neighbours of a point, in spacings: the nearest ones around it.
 const RADIUS: f64 = 1.5;
@@ -30,23 +32,18 @@ pub(super) fn estimate(positions: &[Local], normals: &mut [Option<Local>], spaci
 /// The normal of the plane through the points within `radius` of `position`, one of them.
 fn normal_at(grid: &NeighborGrid, position: Local, radius: f64) -> Option<Local> {
     let mut neighbors = Vec::new();
-    grid.visit_around(position, radius, |index, other| {
-        let neighbor = Neighbor::new(position, index, other);
-        if neighbor.distance_squared <= radius * radius {
-            neighbors.push(neighbor);
-        }
-    });
-    if neighbors.len() < FEWEST_POINTS {
+    // In an order that every part of a cloud has, so that sums have the same bits.
+    grid.find_neighbors(position, radius, &mut neighbors);
+    let count = 1 + neighbors.len();
+    if count < FEWEST_POINTS {
         return None;
     }
-    // In an order that every part of a cloud has, so that sums have the same bits.
-    Neighbor::sort(&mut neighbors);
     let ways = || {
-        neighbors
-            .iter()
-            .map(|neighbor| neighbor.position - position)
+        let others = neighbors.iter();
+        let others = others.map(|neighbor| neighbor.position - position);
+        iter::once(Local::zeros()).chain(others)
     };
-    let middle = ways().sum::<Local>() / neighbors.len() as f64;
+    let middle = ways().sum::<Local>() / count as f64;
     let covariance = ways()
         .map(|way| (way - middle) * (way - middle).transpose())
         .sum();

@@ -94,30 +94,12 @@ fn clip(
 ) {
     let site = patch.origin;
     let usual = USUAL_CIRCUMRADIUS * spacing;
-    find_neighbors(grid, site, 2.0 * usual, neighbors);
+    grid.find_neighbors(site, 2.0 * usual, neighbors);
     if !cell.clip_within(patch, site, usual, neighbors) {
         let reach = LARGEST_CIRCUMRADIUS * spacing;
-        find_neighbors(grid, site, 2.0 * reach, neighbors);
+        grid.find_neighbors(site, 2.0 * reach, neighbors);
         cell.clip(patch, site, &[reach; BOUNDING_SIDES], neighbors);
     }
-}
-
-/// Fills `neighbors` with the points within `radius` of `position`, nearest first.
-fn find_neighbors(
-    grid: &NeighborGrid,
-    position: Local,
-    radius: f64,
-    neighbors: &mut Vec<Neighbor>,
-) {
-    neighbors.clear();
-    grid.visit_around(position, radius, |index, other| {
-        let neighbor = Neighbor::new(position, index, other);
-        // Of all points only the point itself is in the same place.
-        if neighbor.distance_squared > 0.0 && neighbor.distance_squared <= radius * radius {
-            neighbors.push(neighbor);
-        }
-    });
-    Neighbor::sort(neighbors);
 }
 
 /// The triangles of `site` with the neighbours `around` its cell, each with the bit of the corner that the site is.

@@ -153,7 +153,7 @@ where
 
 /// For each site the index of the point nearest to it; of equally near ones the smallest.
 fn nearest_indices(points: &[[f64; 3]], sites: &[Site], quantization: &Quantization) -> Vec<usize> {
-    let local = |point: &[f64; 3]| Local::from(*point) - Local::from(quantization.offset);
+    let local = |&point: &[f64; 3]| quantization.local_of_world(point);
     let points: Vec<Local> = points.par_iter().map(local).collect();
     let tree = NearestPoints::new(&points);
     let nearest = |site: &Site| {

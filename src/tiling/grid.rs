@@ -110,11 +110,23 @@ impl CellGrid {
     /// The cell that contains `point`.
     #[inline]
     pub(crate) fn cell(&self, point: Stored) -> CellKey {
-        let index = |c: i32| i64::from(c).div_euclid(self.edge) as i32;
         CellKey {
-            row: index(point.y),
-            column: index(point.x),
+            row: self.index(point.y.into()),
+            column: self.index(point.x.into()),
         }
+    }
+
+    /// The cells that `rect` touches, row by row.
+    pub(crate) fn touched_by(&self, rect: &Rect) -> impl Iterator<Item = CellKey> {
+        let range = |axis: usize| self.index(rect.min[axis])..=self.index(rect.max[axis] - 1);
+        let columns = range(0);
+        range(1).flat_map(move |row| columns.clone().map(move |column| CellKey { row, column }))
+    }
+
+    /// The row or the column of the cells with this stored coordinate.
+    #[inline]
+    fn index(&self, c: i64) -> i32 {
+        c.div_euclid(self.edge) as i32
     }
 
     /// The index of the counting square of `point` within its cell, row by row.

@@ -62,7 +62,7 @@ impl MeshSource<'_> {
             part.cells.iter().for_each(|&cell| homes[cell] = number);
         }
         let (mut sides, mut figures) = (Sides::default(), MeshFigures::default());
-        let mut extent = Extent::EMPTY;
+        let mut extent = Extent::empty();
         for (number, part) in (0..).zip(&parts) {
             self.run.check_cancelled()?;
             let points = self.gather(number, part, &homes, &mut extent)?;
@@ -216,11 +216,10 @@ impl MeshSource<'_> {
 
     /// Begins the file of the mesh.
     fn create_file(&self, triangulated: &Triangulated) -> Result<MeshWriter, LasError> {
-        let [low, high] = triangulated.extent.bounds;
         let header = MeshHeader {
             vertices: self.points.points(),
             triangles: triangulated.figures.triangles,
-            bounds: [low, high].map(|point| self.quantization.world(point)),
+            bounds: triangulated.extent.world(&self.quantization),
             ..self.header(&triangulated.extent)
         };
         MeshWriter::create(self.path, MeshFormat::of_path(self.path)?, &header)

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     config::MeshSettings,
-    geometry::{Local, Quantization},
+    geometry::Quantization,
     job::{
         context::RunContext,
         directory::Scratch,
@@ -124,7 +124,7 @@ fn viewpoints(
     settings: &MeshSettings,
     quantization: &Quantization,
 ) -> Result<Viewpoints, JobError> {
-    let local = |place: [f64; 3]| Local::from(place) - Local::from(quantization.offset);
+    let local = |place: [f64; 3]| quantization.local_of_world(place);
     if let Some(path) = &settings.trajectory {
         let waypoint = |Waypoint { time, place }: Waypoint| (time, local(place));
         let way = read_trajectory(path)?.into_iter().map(waypoint);

@@ -56,8 +56,14 @@ impl MeshSource<'_> {
                 min: [west, south],
                 max: [east, north],
             };
-            Part::new(core, same.to_vec(), self.cells_around(&core, same))
-                .counting(|cell| cells[cell].count)
+            let around = self.cells_around(&core, same);
+            let seen = same.iter().chain(&around);
+            Part {
+                core,
+                points_seen: seen.map(|&cell| cells[cell].count).sum(),
+                cells: same.to_vec(),
+                around,
+            }
         };
         order
             .chunk_by(|&a, &b| square(&cells[a]) == square(&cells[b]))
@@ -99,26 +105,4 @@ pub(super) struct Part {
     pub(super) around: Vec<usize>,
     /// The number of points in all of these cells.
     points_seen: u64,
-}
-
-impl Part {
-    fn new(core: Rect, cells: Vec<usize>, around: Vec<usize>) -> Self {
-        Self {
-            core,
-            cells,
-            around,
-            points_seen: 0,
-        }
-    }
-
-    /// This part with the number of its points, by those of each cell.
-    fn counting(mut self, count: impl Fn(usize) -> u64) -> Self {
-        self.points_seen = self
-            .cells
-            .iter()
-            .chain(&self.around)
-            .map(|&cell| count(cell))
-            .sum();
-        self
-    }
 }

@@ -12,6 +12,7 @@ use crate::{
     las::{Crs, MeshHeader, MeshVertex, RealAttribute, RecordFormat, RecordView},
     mesh::{MeshFigures, MeshedPoints, REACH_IN_SPACINGS, SettledSides, Viewpoints},
     tile::TileError,
+    tiling::Bounds,
 };
 
 /// What the mesh of a cloud is made from.
@@ -43,10 +44,10 @@ pub(super) struct Triangulated {
 /// What the header of a mesh says of its points.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Extent {
-    /// The least and the largest coordinates.
-    pub(super) bounds: [Stored; 2],
+    /// The bounding box.
+    bounds: Bounds,
     /// The largest component of a colour.
-    pub(super) brightest: u16,
+    brightest: u16,
 }
 
 impl MeshSource<'_> {
@@ -114,37 +115,23 @@ impl MeshSource<'_> {
 
 impl Extent {
     /// The extent of no point.
-    pub(super) const EMPTY: Self = Self {
-        bounds: [
-            Stored {
-                x: i32::MAX,
-                y: i32::MAX,
-                z: i32::MAX,
-            },
-            Stored {
-                x: i32::MIN,
-                y: i32::MIN,
-                z: i32::MIN,
-            },
-        ],
-        brightest: 0,
-    };
+    pub(super) fn empty() -> Self {
+        Self {
+            bounds: Bounds::empty(),
+            brightest: 0,
+        }
+    }
 
     /// Adds a point.
     pub(super) fn add(&mut self, record: &RecordView<&[u8]>, has_color: bool) {
-        let (point, [low, high]) = (record.position(), &mut self.bounds);
-        *low = Stored {
-            x: low.x.min(point.x),
-            y: low.y.min(point.y),
-            z: low.z.min(point.z),
-        };
-        *high = Stored {
-            x: high.x.max(point.x),
-            y: high.y.max(point.y),
-            z: high.z.max(point.z),
-        };
+        self.bounds.grow(record.position());
         if has_color {
             self.brightest = record.color().into_iter().fold(self.brightest, u16::max);
         }
+    }
+
+    /// The least and the largest world coordinates.
+    pub(super) fn world(&self, quantization: &Quantization) -> [[f64; 3]; 2] {
+        [self.bounds.min, self.bounds.max].map(|[x, y, z]| quantization.world(Stored { x, y, z }))
     }
 }

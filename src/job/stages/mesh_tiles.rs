@@ -126,10 +126,7 @@ impl MeshSource<'_> {
         let level = tiles.levels();
         let tileset = &mut tiles.tileset;
         if level == 0 {
-            let [low, high] = triangulated
-                .extent
-                .bounds
-                .map(|point| self.quantization.world(point));
+            let [low, high] = triangulated.extent.world(&self.quantization);
             tileset.origin = [0, 1, 2].map(|axis| (0.5 * (low[axis] + high[axis])).round());
             tileset.crs.clone_from(&self.crs);
         }

@@ -3,12 +3,12 @@
 //! A mesh refers to its points by their numbers, and must be the same whatever the tiles were. So where a mesh
 //! is written, the points of the cloud are written in this order, too.
 
-use std::{collections::BTreeMap, path::Path};
+use std::{collections::BTreeMap, io, path::Path};
 
 use rayon::prelude::*;
 
 use crate::{
-    geometry::{Quantization, Rect, Stored},
+    geometry::{Quantization, Stored},
     job::error::JobError,
     las::SortedRecords,
     tile::{BlockFile, TileError},
@@ -79,17 +79,13 @@ impl OrderedPoints {
         };
         let mut groups: Vec<CellKey> = Vec::new();
         for (square, _) in sorted.squares() {
-            groups.extend(cells_in(&grids.groups, &square));
+            groups.extend(grids.groups.touched_by(&square));
         }
         groups.sort_unstable();
         groups.dedup();
         for group in groups {
             let records = sorted.read(&grids.groups.rect(group));
-            let records = records.map_err(|e| JobError::Io {
-                action: "read",
-                path: path.display().to_string(),
-                source: std::io::Error::other(e),
-            })?;
+            let records = records.map_err(|e| JobError::io("read", path, io::Error::other(e)))?;
             ordered.add_group(&records, &grids.cells)?;
             advance((records.len() / record_length) as u64);
         }
@@ -159,14 +155,4 @@ impl OrderedPoints {
     pub(super) fn records(&self, index: usize) -> Result<Vec<u8>, TileError> {
         self.blocks.read(index as u64)
     }
-}
-
-/// The cells of `grid` that `rect` touches.
-fn cells_in(grid: &CellGrid, rect: &Rect) -> impl Iterator<Item = CellKey> {
-    let range = |axis: usize| {
-        let index = |c: i64| c.div_euclid(grid.edge()) as i32;
-        index(rect.min[axis])..=index(rect.max[axis] - 1)
-    };
-    let columns = range(0);
-    range(1).flat_map(move |row| columns.clone().map(move |column| CellKey { row, column }))
 }

@@ -137,6 +137,13 @@ impl Crs {
         }
     }
 
+    /// The [well-known text](Self::wkt) without breaks of lines.
+    pub(crate) fn wkt_in_one_line(&self) -> Option<String> {
+        let wkt = self.wkt()?;
+        let words: Vec<&str> = wkt.split_whitespace().collect();
+        Some(words.join(" "))
+    }
+
     /// The well-known text as found, or that of the EPSG codes; `None` if the keys
     /// name no code.
     pub(crate) fn wkt(&self) -> Option<String> {

@@ -1,7 +1,7 @@
 //! What a polygon file (PLY) is made of: encodings, scalars, elements, and the comments by
 //! which our own writer says more than PLY can.
 
-use super::extra_bytes::ExtraAttribute;
+use super::{crs::Crs, extra_bytes::ExtraAttribute};
 
 /// The beginning of a comment that states the coordinate reference system, as WKT.
 pub(in crate::las) const CRS_COMMENT: &str = "crs ";
@@ -16,11 +16,17 @@ pub(in crate::las) const EXTRA_BYTES_COMMENT: &str = "extra bytes ";
 /// The comment that says that GPS times are adjusted standard times.
 pub(in crate::las) const STANDARD_TIME_COMMENT: &str = "gps time is adjusted standard time";
 
-/// The lines of a header that state a coordinate reference system, by its WKT.
-pub(in crate::las) fn crs_lines(wkt: &str) -> String {
-    let words: Vec<&str> = wkt.split_whitespace().collect();
-    let (line, mut text) = (words.join(" "), String::new());
-    let (mut rest, mut beginning) = (line.as_str(), CRS_COMMENT);
+/// The first lines of a header: the format, and the coordinate reference system if one is known.
+pub(in crate::las) fn first_lines(crs: Option<&Crs>) -> String {
+    let text = "ply\nformat binary_little_endian 1.0\ncomment lloydar\n";
+    let wkt = crs.and_then(Crs::wkt_in_one_line).unwrap_or_default();
+    text.to_owned() + &crs_lines(&wkt)
+}
+
+/// The lines of a header that state a coordinate reference system, by its WKT in one line.
+fn crs_lines(wkt: &str) -> String {
+    let mut text = String::new();
+    let (mut rest, mut beginning) = (wkt, CRS_COMMENT);
     while !rest.is_empty() {
         // Spaces at the end of a line would be lost.
         let is_whole = |&at: &usize| {

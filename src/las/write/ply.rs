@@ -19,8 +19,7 @@ use crate::{
     las::{
         error::LasError,
         format::{
-            crs::Crs,
-            ply::{EXTRA_BYTES_COMMENT, STANDARD_TIME_COMMENT, crs_lines, descriptor_digits},
+            ply::{EXTRA_BYTES_COMMENT, STANDARD_TIME_COMMENT, descriptor_digits, first_lines},
             vertex_properties::VertexProperty,
         },
     },
@@ -69,10 +68,7 @@ fn padded_count(points: u64) -> String {
 
 /// The header of the file, and the offset of the number of vertices in it.
 fn ply_header(header: &CloudHeader, properties: &[VertexProperty]) -> (String, u64) {
-    let mut text = String::from("ply\nformat binary_little_endian 1.0\ncomment lloydar\n");
-    if let Some(wkt) = header.crs.as_ref().and_then(Crs::wkt) {
-        text += &crs_lines(&wkt);
-    }
+    let mut text = first_lines(header.crs.as_ref());
     if header.has_standard_time {
         text += &format!("comment {STANDARD_TIME_COMMENT}\n");
     }

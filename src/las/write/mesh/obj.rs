@@ -36,11 +36,8 @@ impl ObjEncoder {
             );
             return Err(LasError::new(path, problem));
         }
-        let wkt = header.crs.as_ref().and_then(Crs::wkt);
-        let crs_line = wkt.map(|wkt| {
-            let line: Vec<&str> = wkt.split_whitespace().collect();
-            format!("# crs {}\n", line.join(" "))
-        });
+        let wkt = header.crs.as_ref().and_then(Crs::wkt_in_one_line);
+        let crs_line = wkt.map(|wkt| format!("# crs {wkt}\n"));
         Ok(Self {
             crs_line: crs_line.unwrap_or_default(),
             color_depth: ColorDepth::of(header),

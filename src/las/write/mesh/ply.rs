@@ -13,10 +13,7 @@ use super::{
     encoder::MeshEncoder,
     header::{ColorDepth, MeshHeader, MeshVertex},
 };
-use crate::las::{
-    error::LasError,
-    format::{crs::Crs, ply::crs_lines},
-};
+use crate::las::{error::LasError, format::ply::first_lines};
 
 /// The most vertices that the signed indices of PLY can count.
 const MAX_VERTICES: u64 = i32::MAX as u64;
@@ -51,10 +48,7 @@ impl PlyEncoder {
 }
 
 fn header_text(header: &MeshHeader) -> String {
-    let mut text = String::from("ply\nformat binary_little_endian 1.0\ncomment lloydar\n");
-    if let Some(wkt) = header.crs.as_ref().and_then(Crs::wkt) {
-        text += &crs_lines(&wkt);
-    }
+    let mut text = first_lines(header.crs.as_ref());
     text += &format!("element vertex {}\n", header.vertices);
     for name in ["x", "y", "z"] {
         text += &format!("property double {name}\n");
@@ -112,7 +106,7 @@ impl MeshEncoder for PlyEncoder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::las::{PlyFile, write::mesh::samples::Sample};
+    use crate::las::{PlyFile, format::crs::Crs, write::mesh::samples::Sample};
 
     #[test]
     fn our_own_reader_reads_the_vertices_as_a_cloud() {
