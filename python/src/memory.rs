@@ -87,6 +87,7 @@ fn options_of(given: &Bound<'_, PyDict>) -> PyResult<Options> {
     })?;
     for (name, value) in given {
         options = match name.extract::<String>()?.as_str() {
+            "exact" => options.exact(),
             "iterations" => options.iterations(value.extract()?),
             "accelerate" => options.acceleration(by_name("accelerate", &value)?),
             "seeds" => options.seeds(by_name("seeds", &value)?),

@@ -157,6 +157,12 @@ pub(super) fn print_status(dir: &Path, json: bool) -> Result<u8, JobError> {
                 }
                 _ => String::new(),
             };
+            if let Some(started) = status.started.filter(|&started| started < status.tiles) {
+                result!(
+                    "{} of {tiles} tiles have done the first round",
+                    thousands(started)
+                );
+            }
             let share = 100.0 * status.share;
             result!("{solved} of {tiles} tiles solved, {share:.0} % of the work{remaining}");
             "tiles"

@@ -77,6 +77,7 @@ fn rows(measured: &Measured) -> Vec<(String, String)> {
         ("cell-area CV", figure(u.cell_area_cv)),
         ("packing", figure(u.packing)),
         ("share with six neighbours", figure(u.six_neighbors)),
+        ("  within a quarter of the mean area", figure(u.even_cells)),
         ("mean nearest distance", figure(u.mean)),
         ("min / mean", figure(u.min)),
         ("p1 / mean", figure(u.p1)),

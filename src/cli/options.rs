@@ -44,12 +44,16 @@ struct DensityOptions {
     /// Spacing of the output: 0.05 (in CRS units), 5cm, 0.2ft
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
     spacing: Option<Length>,
-    /// Approximate number of points of the output: 100K, 2M, 1500000
+    /// Number of points of the output: 100K, 2M, 1500000
     #[arg(long, value_name = "N")]
     count: Option<Count>,
     /// Points of the output for each point of the input: 2% or 0.02
     #[arg(long, value_name = "SHARE")]
     ratio: Option<Share>,
+    /// Meet --count or --ratio exactly [default: within 0.3 %]
+    #[arg(long)]
+    #[serde(skip_serializing_if = "is_false")]
+    exact: bool,
 }
 
 /// What the job may use of the machine.
@@ -354,7 +358,7 @@ mod tests {
             .get_arguments()
             .filter_map(|o| o.get_long())
             .collect();
-        assert_eq!(names.len(), 33);
+        assert_eq!(names.len(), 34);
         for name in names {
             let known = toml::from_str::<Choices>(&format!("{name} = {{}}"));
             let error = known.unwrap_err().to_string();

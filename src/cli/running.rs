@@ -55,7 +55,8 @@ pub(super) struct Done {
     pub(super) report: Report,
     /// The names of the pages that were written beside the output.
     pages: Vec<String>,
-    /// Whether every point of every input took part, unless the options exclude it.
+    /// Whether every point of every input took part, unless the options exclude it, and a count that is to be met exactly
+    /// is met.
     is_complete: bool,
 }
 
@@ -81,7 +82,8 @@ pub(super) fn run_and_report(
         done = Some(Done {
             pages: write_report(job, &report)?,
             report,
-            is_complete: outcome.inputs.iter().all(is_complete),
+            is_complete: outcome.inputs.iter().all(is_complete)
+                && outcome.meets_count(job.settings.exact),
         });
         Ok(())
     })?;

@@ -42,6 +42,9 @@ pub(crate) struct Choices {
     pub(crate) count: Option<Count>,
     /// The approximate number of points of the output over that of the input.
     pub(crate) ratio: Option<Share>,
+    /// Whether the count is met exactly.
+    #[serde(skip_serializing_if = "is_false")]
+    pub(crate) exact: bool,
     /// The peak memory.
     pub(crate) memory: Option<Bytes>,
     /// The number of worker threads.

@@ -99,6 +99,7 @@ impl Choices {
         let unit = CrsUnit { metres };
         Ok(Settings {
             target: self.target(unit)?,
+            exact: self.exact()?,
             resources: self.resources()?,
             solver: self.solver(unit)?,
             tiling: TilingSettings {
@@ -132,6 +133,22 @@ impl Choices {
             &[target] => Ok(target),
             _ => Err(ConfigError::Target { given: given.len() }),
         }
+    }
+
+    /// Returns whether the count is met exactly.
+    fn exact(&self) -> Result<bool, ConfigError> {
+        let words = |words: &str| Err(ConfigError::Words(words.into()));
+        if self.exact && self.spacing.is_some() {
+            return words(
+                "--exact meets a number of points; give --count or --ratio in place of --spacing",
+            );
+        }
+        if self.exact && !self.accelerate.unwrap_or_default().has_rounds() {
+            return words(
+                "--exact needs --accelerate none or relaxation: Anderson mixing cannot go on after points have left",
+            );
+        }
+        Ok(self.exact)
     }
 
     fn resources(&self) -> Result<ResourceSettings, ConfigError> {

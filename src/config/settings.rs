@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::rules::{ClassRule, ColorRule, Computed};
 use crate::{
     las::{Crs, PointFilter},
-    lloyd::SolverSettings,
+    lloyd::{SolverSettings, WantedCount},
     mesh::MeshedPoints,
     spacing::Target,
 };
@@ -20,6 +20,9 @@ use crate::{
 pub(crate) struct Settings {
     /// How dense the output is to be.
     pub(crate) target: Target,
+    /// Whether a count is met exactly.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub(crate) exact: bool,
     /// The memory and the threads that the job may use.
     #[serde(flatten)]
     pub(crate) resources: ResourceSettings,
@@ -92,6 +95,18 @@ pub(crate) struct MeshSettings {
     pub(crate) trajectory: Option<PathBuf>,
 }
 
+fn is_false(flag: &bool) -> bool {
+    !flag
+}
+
+impl Settings {
+    /// The number of points that was asked for, which is `points_out`; `None` if a spacing was.
+    pub(crate) fn wanted_count(&self, points_out: u64) -> Option<WantedCount> {
+        self.target
+            .wanted_count(points_out, self.exact, &self.solver)
+    }
+}
+
 impl ResourceSettings {
     /// The value for records of the settings that decide the output of a job, which resources
     /// do not.
@@ -108,6 +123,7 @@ mod tests {
     fn settings() -> Settings {
         Settings {
             target: Target::Spacing(0.25),
+            exact: false,
             resources: ResourceSettings {
                 memory: None,
                 threads: 1,

@@ -1,7 +1,7 @@
 //! From inputs to complete files, not yet under their names: the order of the stages.
 
 use super::{
-    cluster::{Worker, block_files},
+    cluster::{Worker, files_of_others},
     context::RunContext,
     error::JobError,
     outcome::Outcome,
@@ -58,7 +58,7 @@ pub(super) fn complete_job(
         .expect(&seconds_ahead(run, &planned.solver.plan));
 
     // Solve the tiles that no earlier run has solved.
-    let others = block_files(planned.directory.path())?;
+    let others = files_of_others(planned.directory.path())?;
     let solved = solve_missing(run, &planned, others)?;
     run.clock.end_stage("solve");
 

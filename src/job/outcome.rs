@@ -41,6 +41,11 @@ impl Outcome {
         self.written.points
     }
 
+    /// Whether the output has the number of points that was asked for, if that is to be met exactly.
+    pub(crate) fn meets_count(&self, is_exact: bool) -> bool {
+        !is_exact || self.points() == self.plan.points_out
+    }
+
     /// Spacing of the output (CRS units).
     pub fn spacing(&self) -> f64 {
         self.plan.spacing
@@ -50,7 +55,7 @@ impl Outcome {
     pub fn uniformity(&self) -> Uniformity {
         let mut cells = UniformityTally::new(self.plan.spacing);
         for tile in &self.tiles {
-            cells.add(&tile.uniformity);
+            cells.add(&tile.uniformity());
         }
         self.stitched.all.figures().with_cells_of(&cells.figures())
     }

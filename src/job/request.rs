@@ -189,6 +189,7 @@ impl Job {
             scratch: None,
             settings: Settings {
                 target: options.target,
+                exact: options.exact,
                 resources: ResourceSettings {
                     memory: self.memory,
                     threads: self.threads.unwrap_or_else(cores),

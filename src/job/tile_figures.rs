@@ -25,12 +25,23 @@ pub(crate) struct TileFigures {
     pub(crate) input: UniformityTally,
     /// Uniformity of the seeds.
     pub(crate) seeds: UniformityTally,
-    /// Uniformity of the sites.
-    pub(crate) uniformity: UniformityTally,
+    /// Uniformity of the sites where the scan describes a surface.
+    pub(crate) on_surfaces: UniformityTally,
+    /// Uniformity of the others: on leaves, wires and clutter.
+    pub(crate) elsewhere: UniformityTally,
     /// Distances of the sites to their nearest input points.
     pub(crate) accuracy: DistanceTally,
     /// Distances of input points to their nearest sites.
     pub(crate) coverage: DistanceTally,
     /// Sums of the nearest distances at the start of every iteration, and after the last one.
     pub(crate) convergence: Vec<DistanceSums>,
+}
+
+impl TileFigures {
+    /// Uniformity of all sites.
+    pub(crate) fn uniformity(&self) -> UniformityTally {
+        let mut all = self.on_surfaces.clone();
+        all.add(&self.elsewhere);
+        all
+    }
 }

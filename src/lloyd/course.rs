@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 
 use super::{
     acceleration::{Accelerator, Iterate},
+    count::{Candidates, CountCorrection, WantedCount},
     options::SolverOptions,
     region::{DependencyCone, TileRegion},
     resumed_sites::ResumedSites,
@@ -40,6 +41,8 @@ pub(super) struct Course<'a> {
     region: &'a TileRegion,
     round: Round,
     cone: DependencyCone<'a>,
+    /// The next iteration.
+    next: u32,
     pub(super) sites: Sites<'a>,
     accelerator: Accelerator,
     /// The wanted sites before the first iteration of all, in the order of their identities.
@@ -91,6 +94,7 @@ impl<'a> Course<'a> {
         Ok(Self {
             options,
             region,
+            next: round.iterations.start,
             round,
             cone,
             sites,
@@ -105,7 +109,7 @@ impl<'a> Course<'a> {
         surface: Surface<'a>,
         region: &'a TileRegion,
         round: Round,
-        resumed: ResumedSites,
+        resumed: ResumedSites<'_>,
     ) -> Self {
         let (options, quantization) = (surface.options, surface.quantization());
         let cone = DependencyCone::new(region, &round, options, quantization);
@@ -114,6 +118,7 @@ impl<'a> Course<'a> {
             options,
             region,
             cone,
+            next: round.iterations.start,
             round,
             sites,
             accelerator: Accelerator::resume(options.acceleration, memories),
@@ -122,13 +127,17 @@ impl<'a> Course<'a> {
         }
     }
 
-    /// Does the iterations of the round. `monitor` is consulted before each.
+    /// Does the iterations of the round that come before `end`. `monitor` is consulted before each.
     ///
     /// # Errors
     ///
     /// [`Cancelled`] if `monitor` stops the solver.
-    pub(super) fn iterate(&mut self, monitor: Monitor<'_>) -> Result<(), Cancelled> {
-        for iteration in self.round.iterations.clone() {
+    pub(super) fn iterate_until(
+        &mut self,
+        end: u32,
+        monitor: Monitor<'_>,
+    ) -> Result<(), Cancelled> {
+        for iteration in self.next..end {
             let share = share_before(iteration, self.options);
             consult(monitor, self.options, &self.round, share)?;
             self.convergence.push(match iteration {
@@ -142,7 +151,73 @@ impl<'a> Course<'a> {
             });
             self.sites.move_to(next);
         }
+        self.next = end;
         Ok(())
+    }
+
+    /// Does the iterations of the round. `monitor` is consulted before each.
+    ///
+    /// # Errors
+    ///
+    /// [`Cancelled`] if `monitor` stops the solver.
+    pub(super) fn iterate(&mut self, monitor: Monitor<'_>) -> Result<(), Cancelled> {
+        self.iterate_until(self.round.iterations.end, monitor)
+    }
+
+    /// The sites of the core that may leave, and the places there where sites may come.
+    pub(super) fn candidates(&mut self) -> Candidates {
+        let quantization = *self.sites.surface.quantization();
+        let sites = self.sites.describe_with_corners();
+        Candidates::of(&sites, &self.region.core, &quantization, self.options)
+    }
+
+    /// The course with those sites that `wanted` are, of a cloud of which all sites are known. Between two rounds it would
+    /// go on from the same states.
+    ///
+    /// # Errors
+    ///
+    /// [`Cancelled`] if `monitor` stops the solver.
+    pub(super) fn corrected(
+        mut self,
+        wanted: WantedCount,
+        monitor: Monitor<'_>,
+    ) -> Result<Self, Cancelled> {
+        let [first, _] = self.options.two_rounds();
+        self.iterate_until(first.iterations.end, monitor)?;
+        let candidates = self.candidates();
+        let all = candidates.sites;
+        let parts = std::iter::once(Ok(candidates));
+        let correction = CountCorrection::choose(wanted, all, parts, self.options)?;
+        let Self {
+            options,
+            region,
+            round,
+            cone,
+            next,
+            sites,
+            accelerator,
+            seeds,
+            convergence,
+        } = self;
+        let surface = sites.surface;
+        let states = sites.into_states(accelerator.into_memories());
+        let place = |state: &SiteState| (state.identity, state.position);
+        let mut known: Vec<(Stored, Local)> = states.iter().map(place).collect();
+        known.extend(correction.coming());
+        let mut resumed = ResumedSites::new(known, options.spacing, &correction);
+        resumed.add(states);
+        let (sites, memories) = Sites::resume(surface, region, resumed);
+        Ok(Self {
+            options,
+            region,
+            round,
+            cone,
+            next,
+            sites,
+            accelerator: Accelerator::resume(options.acceleration, memories),
+            seeds,
+            convergence,
+        })
     }
 
     /// The states of the wanted sites.

@@ -18,6 +18,7 @@
 
 mod acceleration;
 mod blocks;
+mod count;
 mod course;
 mod options;
 mod region;
@@ -36,6 +37,7 @@ mod surface;
 mod tally;
 
 pub use acceleration::Acceleration;
+pub(crate) use count::{Candidates, CountCorrection, WantedCount, candidate_band};
 pub use options::SolverOptions;
 pub use region::TileRegion;
 pub(crate) use resumed_sites::ResumedSites;
@@ -54,3 +56,4 @@ pub(crate) use solver::{
 pub use solver::{Solution, describe_positions, solve};
 pub use step::Restriction;
 pub use tally::uniformity;
+pub(crate) use tally::uniformity_by_surface;

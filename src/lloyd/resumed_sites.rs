@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::{
     acceleration::Memory,
     blocks::in_blocks,
+    count::CountCorrection,
     site_state::SiteState,
     step::{Links, Step},
 };
@@ -17,7 +18,7 @@ use crate::geometry::{Local, Stored};
 
 /// The sites that a tile knows at the beginning of a round, in the order of their blocks, and of
 /// their identities within a block.
-pub(crate) struct ResumedSites {
+pub(crate) struct ResumedSites<'a> {
     pub(super) blocks: Vec<Range<usize>>,
     pub(super) identities: Vec<Stored>,
     pub(super) positions: Vec<Local>,
@@ -26,11 +27,18 @@ pub(crate) struct ResumedSites {
     pub(super) memories: Vec<Option<Memory>>,
     /// The indices of the sites in the order of their identities.
     by_identity: Vec<u32>,
+    correction: &'a CountCorrection,
 }
 
-impl ResumedSites {
-    /// Sites of these identities and positions, without their states, for an output at `spacing`.
-    pub(crate) fn new(mut known: Vec<(Stored, Local)>, spacing: f64) -> Self {
+impl<'a> ResumedSites<'a> {
+    /// Sites of these identities and positions, without their states, for an output at `spacing`. Those that leave by
+    /// `correction` are dropped; those that come are known already.
+    pub(crate) fn new(
+        mut known: Vec<(Stored, Local)>,
+        spacing: f64,
+        correction: &'a CountCorrection,
+    ) -> Self {
+        known.retain(|(identity, _)| !correction.leaves(identity));
         known.par_sort_unstable_by_key(|&(identity, _)| identity);
         let positions: Vec<Local> = known.iter().map(|&(_, position)| position).collect();
         let (blocks, order) = in_blocks(&positions, spacing);
@@ -42,14 +50,13 @@ impl ResumedSites {
         Self {
             blocks,
             identities: order.iter().map(|&k| known[k as usize].0).collect(),
-            steps: positions
-                .iter()
-                .map(|&position| Step::new(position))
-                .collect(),
+            // All tiles know the same of sites that come.
+            steps: positions.iter().map(|&p| Step::between_rounds(p)).collect(),
             moves: vec![Local::zeros(); positions.len()],
             memories: vec![None; positions.len()],
             positions,
             by_identity,
+            correction,
         }
     }
 
@@ -65,15 +72,21 @@ impl ResumedSites {
             let Some(site) = self.index_of(&state.identity) else {
                 continue;
             };
-            let links: Option<Vec<u32>> = state
-                .links
-                .iter()
-                .map(|identity| self.index_of(identity))
-                .collect();
+            let mut is_disturbed = self.correction.disturbs(state.position);
+            let links = state.links.iter();
+            let links = links.filter(|link| {
+                let leaves = self.correction.leaves(link);
+                is_disturbed |= leaves;
+                !leaves
+            });
+            let links: Option<Vec<u32>> = links.map(|link| self.index_of(link)).collect();
             let links = links.map(|links| Links::new(links.into_iter()));
             let site = site as usize;
             self.steps[site] = state.step;
             self.steps[site].resume(state.position, links);
+            if is_disturbed {
+                self.steps[site].reset(state.position);
+            }
             self.moves[site] = state.last_move;
             self.memories[site] = state.memory;
         }

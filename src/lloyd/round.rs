@@ -16,7 +16,7 @@
 
 use std::ops::Range;
 
-use super::{acceleration::Acceleration, options::SolverOptions};
+use super::options::SolverOptions;
 
 /// Iterations that all tiles do before any tile does the next.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,15 +61,6 @@ impl SolverOptions {
             .map(|(iterations, margin)| Round { iterations, margin })
     }
 
-    /// Whether the state of a site says all that the next iteration knows of the last: Anderson
-    /// mixing remembers whole blocks.
-    pub(crate) fn has_rounds(&self) -> bool {
-        matches!(
-            self.acceleration,
-            Acceleration::None | Acceleration::Relaxation
-        )
-    }
-
     /// Depth (CRS units) inside the rectangle of available points from which on every tile knows
     /// the same states and samples.
     fn state_margin(&self) -> f64 {
@@ -85,7 +76,8 @@ mod tests {
     use crate::{
         geometry::{Local, Quantization, Rect, Stored, spread},
         lloyd::{
-            ResumedSites, Scan, SiteState, TileRegion, solve, solve_first_round, solve_last_round,
+            Acceleration, Candidates, CountCorrection, ResumedSites, Scan, SiteState, TileRegion,
+            WantedCount, candidate_band, elect, solve_first_round, solve_last_round, solve_watched,
         },
     };
 
@@ -148,12 +140,16 @@ mod tests {
     fn two_rounds_end_in_the_bits_of_one() {
         let points = points();
         let cases = [
-            (Acceleration::Relaxation, 12),
-            (Acceleration::Relaxation, 2),
-            (Acceleration::None, 8),
-            (Acceleration::None, 0),
+            (Acceleration::Relaxation, 12, None),
+            (Acceleration::Relaxation, 2, None),
+            (Acceleration::None, 8, None),
+            (Acceleration::None, 0, None),
+            // More or fewer than there are seeds.
+            (Acceleration::Relaxation, 12, Some(-300)),
+            (Acceleration::Relaxation, 12, Some(201)),
+            (Acceleration::None, 8, Some(1)),
         ];
-        for (acceleration, iterations) in cases {
+        for (acceleration, iterations, more) in cases {
             let options = SolverOptions {
                 acceleration,
                 iterations,
@@ -165,26 +161,43 @@ mod tests {
             };
             let whole = region(-10_000, 70_000, 0.0);
             let scan = scan_of(&whole.available);
-            let expected = solve(&scan, &whole, &options);
+            let wanted = more.map(|more: i64| WantedCount {
+                sites: (elect(&scan, &options).identities.len() as i64 + more) as u64,
+                is_exact: true,
+            });
+            let go_on = |_: f64| ControlFlow::Continue(());
+            let expected = solve_watched(&scan, &whole, &options, wanted, &go_on).unwrap();
+            if let Some(wanted) = wanted {
+                assert_eq!(expected.sites.len() as u64, wanted.sites);
+            }
             assert!(expected.sites.iter().any(|site| site.is_fixed));
             assert!(!scan.filling().is_empty());
 
             let [first, last] = options.two_rounds();
-            let halo = first.halo(&options).max(last.halo(&options));
+            let halo = first.halo(&options) + candidate_band(&options);
+            let halo = halo.max(last.halo(&options));
             let cuts = [-10_000, 17_000, 41_000, 70_000];
             let regions: Vec<TileRegion> = cuts
                 .windows(2)
                 .map(|cut| region(cut[0], cut[1], halo))
                 .collect();
-            let go_on = |_: f64| ControlFlow::Continue(());
             let (mut states, mut filling) = (Vec::new(), Vec::new());
+            let mut candidates: Vec<Candidates> = Vec::new();
             for region in &regions {
                 let scan = scan_of(&region.available);
-                let started = solve_first_round(&scan, region, &options, &go_on).unwrap();
+                let has_count = wanted.is_some();
+                let started = solve_first_round(&scan, region, &options, has_count, &go_on);
+                let started = started.unwrap();
                 states.extend(started.states);
+                candidates.push(started.candidates);
                 let own = scan.filling().iter().filter(|&&p| region.core.contains(p));
                 filling.extend(own);
             }
+            let correction = wanted.map_or_else(CountCorrection::default, |wanted| {
+                let sites = candidates.iter().map(|of_tile| of_tile.sites).sum();
+                let parts = candidates.iter().cloned().map(Ok::<_, ()>);
+                CountCorrection::choose(wanted, sites, parts, &options).unwrap()
+            });
             // What is not written is made again.
             let states = postcard::to_stdvec(&states).unwrap();
             let mut sites = Vec::new();
@@ -192,7 +205,10 @@ mod tests {
                 let mut known: Vec<SiteState> = postcard::from_bytes(&states).unwrap();
                 known.retain(|state| region.available.contains(state.identity));
                 let places = known.iter().map(|state| (state.identity, state.position));
-                let mut resumed = ResumedSites::new(places.collect(), options.spacing);
+                let coming = correction.coming().iter().copied();
+                let coming = coming.filter(|(place, _)| region.available.contains(*place));
+                let places = places.chain(coming).collect();
+                let mut resumed = ResumedSites::new(places, options.spacing, &correction);
                 resumed.add(known);
                 let in_reach = |p: &Stored| region.available.contains(*p);
                 let scan = Scan::filled_with(

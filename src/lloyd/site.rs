@@ -18,6 +18,9 @@ pub struct Site {
     /// Whether the site stayed where it was elected, because no patch there can be trusted; it
     /// has no cell.
     pub is_fixed: bool,
+    /// How far the patch describes the scan around it: 1 for a clean surface, less in rough places, 0 without a patch to
+    /// trust.
+    pub trust: f64,
     /// Whether neighbours bound the cell all around.
     pub is_closed: bool,
     /// Number of edges of the cell that lie on bisectors with neighbours.
@@ -37,6 +40,11 @@ pub struct Site {
 }
 
 impl Site {
+    /// Whether the scan describes a surface where the site is, and not leaves, a wire or clutter.
+    pub(crate) fn is_on_surface(&self) -> bool {
+        self.trust >= 1.0
+    }
+
     /// The area of the cell (CRS units squared), if the input describes a surface there and
     /// neighbours bound the cell all around.
     pub(crate) fn bounded_area(&self) -> Option<f64> {

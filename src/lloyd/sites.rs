@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::{
     acceleration::Memory,
     blocks::in_blocks,
+    count::SiteWithCorner,
     region::{DependencyCone, TileRegion},
     resumed_sites::ResumedSites,
     rings::{Edges, GAP, Rings},
@@ -21,7 +22,7 @@ use crate::{
 /// The sites of a cloud on their way, in the order of their blocks, and of their identities
 /// within a block.
 pub(super) struct Sites<'a> {
-    surface: Surface<'a>,
+    pub(super) surface: Surface<'a>,
     region: &'a TileRegion,
     pub(super) identities: Vec<Stored>,
     pub(super) neighborhoods: Neighborhoods,
@@ -52,7 +53,7 @@ impl<'a> Sites<'a> {
     pub(super) fn resume(
         surface: Surface<'a>,
         region: &'a TileRegion,
-        resumed: ResumedSites,
+        resumed: ResumedSites<'_>,
     ) -> (Self, Vec<Option<Memory>>) {
         let ResumedSites {
             blocks,
@@ -205,6 +206,31 @@ impl<'a> Sites<'a> {
         by_identity(sites, |site| site.identity)
     }
 
+    /// The wanted sites as [`describe`](Self::describe) gives them, each with the farthest corner of its cell, if
+    /// neighbours bound it all around.
+    pub(super) fn describe_with_corners(&mut self) -> Vec<SiteWithCorner> {
+        let surface = self.surface;
+        let found = self.of_wanted(|step, identity, wanted, mut vicinity| {
+            if let Some(wanted) = wanted {
+                let moments = step.clip(surface, &mut vicinity);
+                let site = site(identity, step, moments, &mut vicinity);
+                let is_bounded = site.bounded_area().is_some();
+                let corner = vicinity
+                    .scratch
+                    .cell
+                    .farthest_corner()
+                    .filter(|_| is_bounded);
+                let patch = step.fit.as_ref().map(|fit| fit.patch);
+                let corner = patch.zip(corner).map(|(patch, corner)| {
+                    let [x, y, z] = patch.axes;
+                    site.position + x * corner.x + y * corner.y + z * corner.z
+                });
+                *wanted = Some((site, corner));
+            }
+        });
+        by_identity(found, |(site, _)| site.identity)
+    }
+
     /// The wanted sites as [`describe`](Self::describe) gives them, and the rings of their
     /// neighbours.
     pub(super) fn describe_with_rings(&mut self) -> (Vec<Site>, Rings) {
@@ -276,6 +302,7 @@ fn site(
         position: vicinity.position,
         is_exact: step.is_exact,
         is_fixed: surface.is_none(),
+        trust: step.fit.as_ref().map_or(0.0, |fit| fit.trust),
         normal: surface.map(|(normal, _)| normal),
         curvature: surface.map_or(f64::NAN, |(_, curvature)| curvature),
         is_closed: cell.is_some_and(Cell::is_closed),

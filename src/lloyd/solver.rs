@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::{
+    count::{Candidates, WantedCount, candidate_band},
     course::{Cancelled, Course, Monitor, nearest_distances},
     options::SolverOptions,
     region::TileRegion,
@@ -41,6 +42,8 @@ pub(crate) struct FirstRound {
     /// The distances from the core's sites to their nearest neighbours, at the start of every
     /// iteration of the round.
     pub(crate) convergence: Vec<DistanceSums>,
+    /// The sites of the core that may leave, and the places there where sites may come.
+    pub(crate) candidates: Candidates,
 }
 
 /// Runs the paper's Algorithm 1 on `scan`, for the sites of `region`.
@@ -49,12 +52,13 @@ pub(crate) struct FirstRound {
 ///
 /// Never: its monitor does not stop the solver.
 pub fn solve(scan: &Scan, region: &TileRegion, options: &SolverOptions) -> Solution {
-    solve_watched(scan, region, options, &|_| ControlFlow::Continue(()))
+    solve_watched(scan, region, options, None, &|_| ControlFlow::Continue(()))
         .expect("the monitor never stops the solver")
 }
 
-/// Runs the paper's Algorithm 1 on `scan`, for the sites of `region`. `monitor` is consulted
-/// before and after the election of the seeds and before every iteration.
+/// Runs the paper's Algorithm 1 on `scan`, for the sites of `region`; for as many as are `wanted`, if the
+/// region is that of a whole cloud. `monitor` is consulted before and after the election of the seeds and before every
+/// iteration.
 ///
 /// # Errors
 ///
@@ -63,16 +67,17 @@ pub(crate) fn solve_watched(
     scan: &Scan,
     region: &TileRegion,
     options: &SolverOptions,
+    wanted: Option<WantedCount>,
     monitor: Monitor<'_>,
 ) -> Result<Solution, Cancelled> {
     let describe = |sites: &mut Sites<'_>| (sites.describe(), ());
     let surface = Surface::new(scan, options);
-    run(surface, region, monitor, describe).map(|(solution, ())| solution)
+    run(surface, region, wanted, monitor, describe).map(|(solution, ())| solution)
 }
 
 /// Runs the paper's Algorithm 1 on `scan`, for the sites of `region`, and gives the ring of
-/// neighbours of every site beside it. `monitor` is consulted before and after the election
-/// of the seeds and before every iteration.
+/// neighbours of every site beside it. There are as many sites as are `wanted`, if the region is that of a whole cloud.
+/// `monitor` is consulted before and after the election of the seeds and before every iteration.
 ///
 /// # Errors
 ///
@@ -81,15 +86,20 @@ pub(crate) fn solve_with_rings(
     scan: &Scan,
     region: &TileRegion,
     options: &SolverOptions,
+    wanted: Option<WantedCount>,
     monitor: Monitor<'_>,
 ) -> Result<(Solution, Rings), Cancelled> {
-    run(Surface::new(scan, options), region, monitor, |sites| {
-        sites.describe_with_rings()
-    })
+    run(
+        Surface::new(scan, options),
+        region,
+        wanted,
+        monitor,
+        |sites| sites.describe_with_rings(),
+    )
 }
 
-/// Does the first of two rounds on `scan`, for the sites of the core of `region`. `monitor` is
-/// consulted before and after the election of the seeds and before every iteration.
+/// Does the first of two rounds on `scan`, for the sites of the core of `region`. If the cloud `has_count`, the core's
+/// candidates for leaving and coming are found. `monitor` is consulted before and after the election of the seeds and before every iteration.
 ///
 /// # Errors
 ///
@@ -98,17 +108,33 @@ pub(crate) fn solve_first_round(
     scan: &Scan,
     region: &TileRegion,
     options: &SolverOptions,
+    has_count: bool,
     monitor: Monitor<'_>,
 ) -> Result<FirstRound, Cancelled> {
-    // Bands are compared at the end.
-    let region = TileRegion { band: 0, ..*region };
+    // Bands are compared at the end; here they serve the candidates.
+    let band = match has_count {
+        true => scan.quantization().units(candidate_band(options)),
+        false => 0,
+    };
+    let region = TileRegion { band, ..*region };
     let [round, _] = options.two_rounds();
     let mut course = Course::begin(Surface::new(scan, options), &region, round, monitor)?;
     course.iterate(monitor)?;
+    let candidates = match has_count {
+        true => course.candidates(),
+        false => Candidates::default(),
+    };
+    let in_core = |identity: Stored| region.core.contains(identity);
+    course.seeds.retain(|seed| in_core(seed.identity));
+    let seeds = std::mem::take(&mut course.seeds);
+    let convergence = std::mem::take(&mut course.convergence);
+    let mut states = course.into_states();
+    states.retain(|state| in_core(state.identity));
     Ok(FirstRound {
-        seeds: std::mem::take(&mut course.seeds),
-        convergence: std::mem::take(&mut course.convergence),
-        states: course.into_states(),
+        states,
+        seeds,
+        convergence,
+        candidates,
     })
 }
 
@@ -123,7 +149,7 @@ pub(crate) fn solve_last_round(
     scan: &Scan,
     region: &TileRegion,
     options: &SolverOptions,
-    resumed: ResumedSites,
+    resumed: ResumedSites<'_>,
     monitor: Monitor<'_>,
 ) -> Result<Solution, Cancelled> {
     let [_, round] = options.two_rounds();
@@ -133,16 +159,21 @@ pub(crate) fn solve_last_round(
     Ok(solution(course, region, ended))
 }
 
-/// Runs Algorithm 1. `describe` gives the sites after the last iteration, and what the caller
-/// wants beside them.
+/// Runs Algorithm 1, for as many sites as are `wanted`. `describe` gives the sites after the last iteration, and what the
+/// caller wants beside them.
 fn run<T>(
     surface: Surface<'_>,
     region: &TileRegion,
+    wanted: Option<WantedCount>,
     monitor: Monitor<'_>,
     describe: impl FnOnce(&mut Sites<'_>) -> (Vec<Site>, T),
 ) -> Result<(Solution, T), Cancelled> {
     let round = surface.options.only_round();
     let mut course = Course::begin(surface, region, round, monitor)?;
+    let is_missed = |wanted: &WantedCount| wanted.is_missed_by(course.sites.steps.len());
+    if let Some(wanted) = wanted.filter(is_missed) {
+        course = course.corrected(wanted, monitor)?;
+    }
     course.iterate(monitor)?;
     let (ended, beside) = describe(&mut course.sites);
     Ok((solution(course, region, ended), beside))
@@ -216,7 +247,7 @@ mod tests {
     fn with_rings(places: &[Local], options: &SolverOptions) -> (Solution, Rings) {
         let points = places.iter().filter_map(|&p| QUANTIZATION.stored(p));
         let scan = Scan::new(points.collect(), QUANTIZATION, options);
-        solve_with_rings(&scan, &TileRegion::everything(), options, &go_on).unwrap()
+        solve_with_rings(&scan, &TileRegion::everything(), options, None, &go_on).unwrap()
     }
 
     /// The nodes of a hexagonal lattice of edge `edge` within 1 of the origin, in the plane
@@ -320,7 +351,7 @@ mod tests {
             .collect();
         let scan = Scan::new(points, QUANTIZATION, &options);
         let region = TileRegion::everything();
-        let (with, _) = solve_with_rings(&scan, &region, &options, &go_on).unwrap();
+        let (with, _) = solve_with_rings(&scan, &region, &options, None, &go_on).unwrap();
         assert_eq!(with.sites, solve(&scan, &region, &options).sites);
     }
 
@@ -343,7 +374,7 @@ mod tests {
                     false => ControlFlow::Break(()),
                 }
             };
-            let result = solve_watched(&scan, &TileRegion::everything(), &options, &monitor);
+            let result = solve_watched(&scan, &TileRegion::everything(), &options, None, &monitor);
             (result.is_ok(), calls.get())
         };
         // Before and after the election, and before each of four iterations.

@@ -3,6 +3,16 @@
 use super::site::Site;
 use crate::quality::{CellFigures, UniformityTally};
 
+/// The tallies of the `sites` on surfaces and of the others, for an output at `spacing` (CRS units).
+pub(crate) fn uniformity_by_surface<'a>(
+    sites: impl IntoIterator<Item = &'a Site>,
+    spacing: f64,
+) -> [UniformityTally; 2] {
+    let (on_surfaces, elsewhere): (Vec<&Site>, Vec<&Site>) =
+        sites.into_iter().partition(|site| site.is_on_surface());
+    [on_surfaces, elsewhere].map(|sites| uniformity(sites, spacing))
+}
+
 /// Tallies the nearest distances of `sites`, and the closed cells of those that are not fixed,
 /// for an output at `spacing` (CRS units).
 pub fn uniformity<'a>(sites: impl IntoIterator<Item = &'a Site>, spacing: f64) -> UniformityTally {

@@ -27,6 +27,15 @@ const BINS_PER_SPACING: f64 = 256.0;
 /// Range of the bins; larger distances are in the last bin.
 const RANGE_IN_SPACINGS: f64 = 4.0;
 
+/// Number of bins of areas to the area of the hexagonal lattice's cell.
+const BINS_PER_AREA: f64 = 64.0;
+/// Range of the bins of areas; larger ones are in the last bin.
+const RANGE_IN_AREAS: f64 = 4.0;
+/// Area of the cells of the hexagonal lattice of spacing 1.
+const AREA_PER_SITE: f64 = 0.866_025_403_784_438_6;
+/// Cells whose areas differ from the mean by no more than this share of it are even.
+const EVEN_WITHIN: f64 = 0.25;
+
 /// The figures of one site's cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellFigures {
@@ -44,6 +53,8 @@ pub struct UniformityTally {
     spacing: f64,
     /// Number and sum (CRS units) of the nearest distances in each bin.
     bins: Vec<(u32, f64)>,
+    /// Number of cells in each bin of areas.
+    area_bins: Vec<u32>,
     count: u64,
     alone: u64,
     sum: f64,
@@ -94,6 +105,8 @@ pub struct Uniformity {
     pub packing: f64,
     /// Share of closed cells with six neighbours.
     pub six_neighbors: f64,
+    /// Share of closed cells whose area is within a quarter of the mean.
+    pub even_cells: f64,
 }
 
 impl Uniformity {
@@ -106,6 +119,7 @@ impl Uniformity {
             cell_area_cv: cells.cell_area_cv,
             packing: cells.packing,
             six_neighbors: cells.six_neighbors,
+            even_cells: cells.even_cells,
             ..self
         }
     }
@@ -117,6 +131,7 @@ impl UniformityTally {
         Self {
             spacing,
             bins: vec![(0, 0.0); (BINS_PER_SPACING * RANGE_IN_SPACINGS) as usize + 1],
+            area_bins: vec![0; (BINS_PER_AREA * RANGE_IN_AREAS) as usize + 1],
             count: 0,
             alone: 0,
             sum: 0.0,
@@ -152,6 +167,9 @@ impl UniformityTally {
     /// Adds a site's closed cell.
     pub fn push_cell(&mut self, cell: CellFigures) {
         self.cells += 1;
+        let areas = cell.area / (AREA_PER_SITE * self.spacing * self.spacing);
+        let last = self.area_bins.len() - 1;
+        self.area_bins[((areas * BINS_PER_AREA) as usize).min(last)] += 1;
         self.area += cell.area;
         self.area_squares += cell.area * cell.area;
         self.energy += cell.energy;
@@ -163,6 +181,9 @@ impl UniformityTally {
         for (bin, more) in self.bins.iter_mut().zip(&other.bins) {
             bin.0 += more.0;
             bin.1 += more.1;
+        }
+        for (bin, more) in self.area_bins.iter_mut().zip(&other.area_bins) {
+            *bin += more;
         }
         self.count += other.count;
         self.alone += other.alone;
@@ -221,6 +242,7 @@ impl UniformityTally {
                 .sqrt(),
             packing: mean / (2.0 * cell_area / 3.0_f64.sqrt()).sqrt(),
             six_neighbors: self.with_six as f64 / cells,
+            even_cells: self.even_cells() as f64 / cells,
         }
     }
 
@@ -235,6 +257,18 @@ impl UniformityTally {
                 bin.0 > 0 && seen >= rank
             })
             .map_or(f64::NAN, |&(count, sum)| sum / f64::from(count))
+    }
+
+    /// The number of cells whose area is within a quarter of the mean, by the centres of the bins.
+    fn even_cells(&self) -> u64 {
+        let mean = self.area / self.cells as f64 / (AREA_PER_SITE * self.spacing * self.spacing);
+        let is_even = |bin: usize| {
+            let area = (bin as f64 + 0.5) / BINS_PER_AREA;
+            (area / mean - 1.0).abs() <= EVEN_WITHIN
+        };
+        let bins = self.area_bins.iter().enumerate();
+        let even = bins.filter(|&(bin, _)| is_even(bin));
+        even.map(|(_, &count)| u64::from(count)).sum()
     }
 
     /// δ without the largest hundredth of the distances, by the means of the bins.
@@ -275,7 +309,22 @@ mod tests {
         assert!((figures.packing - 1.0).abs() < 1e-9);
         assert!(figures.cell_area_cv < 1e-6);
         assert_eq!(figures.six_neighbors, 1.0);
+        assert_eq!(figures.even_cells, 1.0);
         assert!((figures.epsilon - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn cells_are_even_within_a_quarter_of_the_mean() {
+        let mut tally = UniformityTally::new(1.0);
+        // Of a mean of 0.9 all but the smallest and the largest fifth of the cells.
+        for share in [0.6, 0.8, 1.0, 1.2, 1.4].repeat(20) {
+            tally.push_cell(CellFigures {
+                area: 0.9 * share,
+                energy: 0.1,
+                neighbors: 6,
+            });
+        }
+        assert!((tally.figures().even_cells - 0.6).abs() < 1e-12);
     }
 
     #[test]

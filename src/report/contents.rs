@@ -82,6 +82,10 @@ pub(super) struct Evenness {
     /// Uniformity of the output.
     #[serde(rename = "uniformity")]
     pub(super) output: Uniformity,
+    /// Uniformity of the output where the scan describes a surface.
+    pub(super) on_surfaces: Uniformity,
+    /// Uniformity of the output elsewhere: on leaves, wires and clutter.
+    pub(super) elsewhere: Uniformity,
 }
 
 /// How near output and input are to each other. Histograms have equal bins from 0 to
@@ -219,6 +223,8 @@ impl Report {
         length_unit: &'static str,
     ) -> Self {
         let tallies = TileTallies::of(outcome);
+        let mut sites = tallies.on_surfaces.clone();
+        sites.add(&tallies.elsewhere);
         Self {
             run: RunDescription {
                 version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -232,7 +238,9 @@ impl Report {
             evenness: Evenness {
                 seeds: tallies.seeds.figures(),
                 // Distances as written, across seams; cells as the tiles solved them.
-                output: (outcome.stitched.all.figures()).with_cells_of(&tallies.sites.figures()),
+                output: (outcome.stitched.all.figures()).with_cells_of(&sites.figures()),
+                on_surfaces: tallies.on_surfaces.figures(),
+                elsewhere: tallies.elsewhere.figures(),
             },
             fidelity: Fidelity {
                 accuracy: tallies.accuracy.figures(),

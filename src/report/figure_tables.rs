@@ -21,6 +21,9 @@ pub(super) fn figures(report: &Report) -> String {
         row("cell-area CV", &|u| u.cell_area_cv),
         row("packing", &|u| u.packing),
         row("share with six neighbours", &|u| u.six_neighbors),
+        row("share of cells within a quarter of the mean area", &|u| {
+            u.even_cells
+        }),
         row("mean nearest distance", &|u| u.mean),
         row("smallest over mean", &|u| u.min),
         row("p1 over mean", &|u| u.p1),

@@ -22,7 +22,7 @@ impl Report {
         );
         for verdict in verdicts(self) {
             let (question, answer) = (verdict.question, verdict.answer);
-            text += &format!("{question:<9} {answer:<5} {}\n", verdict.figures);
+            text += &format!("{question:<9} {answer:<6} {}\n", verdict.figures);
         }
         if let Some(mesh) = &self.mesh {
             text += &format!("mesh      {}\n", mesh.summary());

@@ -11,8 +11,10 @@ pub(super) struct TileTallies {
     pub(super) input: UniformityTally,
     /// Uniformity of the seeds.
     pub(super) seeds: UniformityTally,
-    /// Uniformity of the sites.
-    pub(super) sites: UniformityTally,
+    /// Uniformity of the sites where the scan describes a surface.
+    pub(super) on_surfaces: UniformityTally,
+    /// Uniformity of the other sites.
+    pub(super) elsewhere: UniformityTally,
     /// Distances from sites to the input.
     pub(super) accuracy: DistanceTally,
     /// Distances from points of the input to the sites.
@@ -36,7 +38,8 @@ impl TileTallies {
         let mut sum = Self {
             input: uniformity(),
             seeds: uniformity(),
-            sites: uniformity(),
+            on_surfaces: uniformity(),
+            elsewhere: uniformity(),
             accuracy: distances(),
             coverage: distances(),
             convergence: Vec::new(),
@@ -47,7 +50,8 @@ impl TileTallies {
         for tile in &outcome.tiles {
             sum.input.add(&tile.input);
             sum.seeds.add(&tile.seeds);
-            sum.sites.add(&tile.uniformity);
+            sum.on_surfaces.add(&tile.on_surfaces);
+            sum.elsewhere.add(&tile.elsewhere);
             sum.accuracy.add(&tile.accuracy);
             sum.coverage.add(&tile.coverage);
             let iterations = tile.convergence.len().max(sum.convergence.len());

@@ -5,21 +5,29 @@ use super::{
     contents::Report,
     numbers::{figure, thousands},
 };
+use crate::quality::Uniformity;
 
 /// An answer, with the figures behind it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Verdict {
     /// The question, in a word.
     pub(super) question: &'static str,
-    /// `yes`, or `check`: a person should read the figures and the page.
+    /// `yes`; `partly`, `no` or `check`: a person should read the figures and the page.
     pub(super) answer: &'static str,
     /// The figures behind the answer.
     pub(super) figures: String,
 }
 
-/// The greatest variation of the cells over that of the cells of the seeds. A half is usual on
-/// smooth surfaces; leaves and wires stay at their seeds.
-const LARGEST_CV_RATIO: f64 = 0.95;
+/// Points on surfaces are uniform up to this energy, over that of the hexagonal lattice,
+const LARGEST_ENERGY: f64 = 1.05;
+/// and if this share of their cells have areas within a quarter of the mean.
+const LEAST_EVEN_CELLS: f64 = 0.95;
+/// A cloud is uniform if this share of its points stand on surfaces.
+const LEAST_ON_SURFACES: f64 = 0.5;
+/// From this energy on points are not uniform: Poisson-disk thinning of a sphere has it, without any iteration.
+const ENERGY_OF_THINNING: f64 = 1.12;
+/// Nor are they if fewer cells have areas within a quarter of the mean than Poisson-disk thinning of a sphere leaves.
+const EVEN_CELLS_OF_THINNING: f64 = 0.9;
 /// The greatest mean distance from the output to the input, in spacings.
 const LARGEST_MEAN_DISTANCE_IN_SPACINGS: f64 = 0.25;
 /// The greatest share of the input that is farther than 1.5 spacings from the output.
@@ -47,20 +55,47 @@ pub(super) fn verdicts(report: &Report) -> [Verdict; 4] {
     ]
 }
 
-/// Whether the solver has made the cells more even than those of the seeds.
+/// Whether the points on surfaces are even, and how even the others are.
 fn uniform(report: &Report) -> Verdict {
-    let (output, seeds) = (&report.evenness.output, &report.evenness.seeds);
-    verdict(
-        "uniform?",
-        output.cell_area_cv < LARGEST_CV_RATIO * seeds.cell_area_cv,
-        format!(
-            "δ {}, energy {}, cell-area CV {} (seeds {})",
-            figure(output.delta),
-            figure(output.energy_ratio),
-            figure(output.cell_area_cv),
-            figure(seeds.cell_area_cv)
-        ),
-    )
+    let (on_surfaces, elsewhere) = (&report.evenness.on_surfaces, &report.evenness.elsewhere);
+    let all = (on_surfaces.count + elsewhere.count).max(1);
+    let share = on_surfaces.count as f64 / all as f64;
+    let mut figures: Vec<String> = Vec::new();
+    if on_surfaces.cells > 0 {
+        figures.push(format!(
+            "on surfaces ({:.0} % of the points) δ {}, energy {}, {:.1} % of the cells within a quarter of the mean area",
+            100.0 * share,
+            figure(on_surfaces.delta),
+            figure(on_surfaces.energy_ratio),
+            100.0 * on_surfaces.even_cells
+        ));
+    }
+    if elsewhere.count > 0 {
+        figures.push(format!(
+            "on leaves, wires, edges ({:.0} %) δ {}, distances from {} to {} of the mean",
+            100.0 * (1.0 - share),
+            figure(elsewhere.delta),
+            figure(elsewhere.p1),
+            figure(elsewhere.p99)
+        ));
+    }
+    Verdict {
+        question: "uniform?",
+        answer: evenness(on_surfaces, share),
+        figures: figures.join("; "),
+    }
+}
+
+/// Whether a cloud is uniform of which a `share` stand on surfaces, as evenly as the figures `on_surfaces` say.
+fn evenness(on_surfaces: &Uniformity, share: f64) -> &'static str {
+    let (energy, even) = (on_surfaces.energy_ratio, on_surfaces.even_cells);
+    if on_surfaces.cells > 0 && (energy >= ENERGY_OF_THINNING || even < EVEN_CELLS_OF_THINNING) {
+        "no"
+    } else if share >= LEAST_ON_SURFACES && energy <= LARGEST_ENERGY && even >= LEAST_EVEN_CELLS {
+        "yes"
+    } else {
+        "partly"
+    }
 }
 
 /// Whether the output lies on the input, and covers it.
@@ -128,4 +163,40 @@ fn complete(report: &Report) -> Verdict {
         rejected == 0 && outside == 0,
         format!("{read} points read{missing}; {written} written"),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::quality::{CellFigures, UniformityTally};
+
+    /// Figures of a cloud with an energy ratio of 1 for cells of these areas, times `energy`.
+    fn figures(areas: &[f64], energy: f64) -> Uniformity {
+        let mut tally = UniformityTally::new(1.0);
+        for &area in areas.iter().cycle().take(1000) {
+            tally.push_distance(1.0);
+            tally.push_cell(CellFigures {
+                area,
+                energy: 0.160_375 * energy * area,
+                neighbors: 6,
+            });
+        }
+        tally.figures()
+    }
+
+    #[test]
+    fn even_points_on_surfaces_are_uniform_and_others_are_not() {
+        let even = figures(&[0.8, 0.9, 1.0, 1.1, 1.2], 1.02);
+        assert_eq!(evenness(&even, 0.9), "yes");
+        assert_eq!(evenness(&even, 0.3), "partly");
+        assert_eq!(evenness(&figures(&[1.0], 1.08), 0.9), "partly");
+        assert_eq!(evenness(&figures(&[1.0], 1.13), 0.9), "no");
+        // Three cells in five are within a quarter of the mean.
+        let uneven = figures(&[0.6, 0.9, 1.0, 1.1, 1.4], 1.02);
+        assert_eq!(evenness(&uneven, 0.9), "no");
+        assert_eq!(
+            evenness(&UniformityTally::new(1.0).figures(), 0.0),
+            "partly"
+        );
+    }
 }

@@ -22,7 +22,9 @@ pub use resampled::{Resampled, Ring};
 
 use crate::{
     geometry::{Local, NearestPoints, Quantization, Stored},
-    lloyd::{Scan, Site, Solution, SolverOptions, TileRegion, solve_with_rings, uniformity},
+    lloyd::{
+        Scan, Site, Solution, SolverOptions, TileRegion, WantedCount, solve_with_rings, uniformity,
+    },
     spacing::{Target, resolve},
     tiling::{CellGrid, CloudInMemory},
 };
@@ -118,7 +120,7 @@ where
         ControlFlow::Break(()) => Err(ResampleError::Cancelled),
     };
     reach(0.0)?;
-    let solver = cloud.solver_options(options, &|| reach(0.0))?;
+    let (solver, wanted) = cloud.solver_options(options, &|| reach(0.0))?;
     reach(SHARE_WITH_SPACING)?;
     let Cloud {
         stored,
@@ -127,7 +129,8 @@ where
     } = cloud;
     let scan = Scan::new(stored, quantization, &solver);
     reach(SHARE_WITH_SCAN)?;
-    let solved = solve_with_rings(&scan, &TileRegion::everything(), &solver, &|share| {
+    let everywhere = TileRegion::everything();
+    let solved = solve_with_rings(&scan, &everywhere, &solver, wanted, &|share| {
         progress(SHARE_WITH_SCAN + (SHARE_WITH_SITES - SHARE_WITH_SCAN) * share)
     });
     let (Solution { sites, .. }, rings) = solved.map_err(|_| ResampleError::Cancelled)?;
@@ -219,12 +222,13 @@ impl Cloud {
         })
     }
 
-    /// Options of the solver at the spacing that meets the target of `options`.
+    /// Options of the solver at the spacing that meets the target of `options`, and the number of points if that is the
+    /// target.
     fn solver_options(
         &self,
         options: &Options,
         stop: &(impl Fn() -> Result<(), ResampleError> + Sync),
-    ) -> Result<SolverOptions, ResampleError> {
+    ) -> Result<(SolverOptions, Option<WantedCount>), ResampleError> {
         let scale = self.quantization.scale;
         let grid = CellGrid::for_run(self.horizontal_extent, scale);
         let counted = CloudInMemory::new(&self.stored, grid, stop);
@@ -235,7 +239,10 @@ impl Cloud {
             options.target,
         )?;
         let sites_per_point = count as f64 / self.stored.len() as f64;
-        Ok(options.solver.at(spacing, sites_per_point))
+        let wanted = options
+            .target
+            .wanted_count(count, options.exact, &options.solver);
+        Ok((options.solver.at(spacing, sites_per_point), wanted))
     }
 }
 

@@ -23,6 +23,7 @@ use crate::{
 #[non_exhaustive]
 pub struct Options {
     pub(crate) target: Target,
+    pub(crate) exact: bool,
     pub(crate) solver: SolverSettings,
     pub(super) scale: Option<f64>,
 }
@@ -34,12 +35,12 @@ impl Options {
         Self::new(Target::Spacing(spacing))
     }
 
-    /// Options for approximately `count` points. The count is met to within one or two per cent.
+    /// Options for `count` points. The count is met to within 0.3 %, or [exactly](Self::exact).
     pub fn with_count(count: u64) -> Self {
         Self::new(Target::Count(count))
     }
 
-    /// Options for approximately `ratio` output points to each input point: 0.02 keeps one in fifty, a ratio
+    /// Options for `ratio` output points to each input point, as near as a count is met: 0.02 keeps one in fifty, a ratio
     /// above 1 gives more points than there were.
     pub fn with_ratio(ratio: f64) -> Self {
         Self::new(Target::Ratio(ratio))
@@ -48,9 +49,18 @@ impl Options {
     fn new(target: Target) -> Self {
         Self {
             target,
+            exact: false,
             solver: SolverSettings::default(),
             scale: None,
         }
+    }
+
+    /// Meets a count or a ratio exactly: points that are too many leave where they are closest, missing ones come
+    /// where gaps are widest, before the last iterations.
+    #[must_use]
+    pub fn exact(mut self) -> Self {
+        self.exact = true;
+        self
     }
 
     /// Sets the number of Lloyd iterations; 20 by default, the K of the paper.
@@ -152,6 +162,13 @@ impl Options {
                     remedy,
                 });
             }
+        }
+        if self.exact && self.target.wanted_count(1, true, &self.solver).is_none() {
+            return Err(ResampleError::InvalidOption {
+                option: "exact",
+                value: 1.0,
+                remedy: "needs a count or a ratio, and an acceleration without Anderson mixing",
+            });
         }
         if self.solver.iterations > MAX_ITERATIONS {
             return Err(ResampleError::InvalidOption {

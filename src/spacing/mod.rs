@@ -15,7 +15,7 @@ pub(crate) use search::{estimated_count, spacing_for_count};
 
 use crate::{
     geometry::Quantization,
-    lloyd::{AREA_PER_SEED, SolverSettings},
+    lloyd::{AREA_PER_SEED, SolverSettings, WantedCount},
     tiling::CountedCloud,
 };
 
@@ -32,6 +32,22 @@ pub(crate) enum Target {
 }
 
 impl Target {
+    /// The number of points that is asked for, if the spacing that meets the target was chosen for a number of
+    /// `points`. Solvers whose iterations cannot be interrupted meet it as nearly as that spacing does.
+    pub(crate) fn wanted_count(
+        self,
+        points: u64,
+        is_exact: bool,
+        solver: &SolverSettings,
+    ) -> Option<WantedCount> {
+        let is_count = !matches!(self, Self::Spacing(_));
+        let wanted = WantedCount {
+            sites: points,
+            is_exact,
+        };
+        (is_count && solver.acceleration.has_rounds()).then_some(wanted)
+    }
+
     /// The spacing that meets the target if the points between `min` and `max` lay on a flat square; nothing
     /// is known of it for a ratio.
     pub(crate) fn spacing_of_a_square(self, min: [f64; 3], max: [f64; 3]) -> Option<f64> {

@@ -41,6 +41,8 @@ const TOLERANCE: f64 = 0.004;
 /// Error below which the spacing is corrected and not tried again: over so short a way the count is a power
 /// of the spacing.
 const CORRECTABLE: f64 = 0.08;
+/// The same where the parts are the whole cloud, so that trying again brings it to the count.
+const CORRECTABLE_OF_ALL: f64 = 0.01;
 /// Error of the first parts below which the next trial is of all parts.
 const NEAR_FOR_FIRST_PARTS: f64 = 0.3;
 /// Error at which the surfaces are said not to carry the count.
@@ -195,7 +197,7 @@ impl<C: CountedCloud> Search<'_, C> {
             }
             slope = slope_of(&trials).unwrap_or(slope);
             let next = (log_spacing - error / slope).exp().clamp(least, most);
-            if all_parts && error.abs() <= CORRECTABLE {
+            if all_parts && error.abs() <= self.correctable() {
                 return Ok(next);
             }
             if !all_parts && (error.abs() <= NEAR_FOR_FIRST_PARTS || number + 1 == FIRST_TRIALS) {
@@ -206,6 +208,14 @@ impl<C: CountedCloud> Search<'_, C> {
             spacing = next;
         }
         self.best_of(&trials, spacing)
+    }
+
+    /// Error below which a spacing by all drawn parts is corrected and not tried again.
+    fn correctable(&self) -> f64 {
+        match self.parts.are_all_drawn(COUNT_SAMPLE) {
+            true => CORRECTABLE_OF_ALL,
+            false => CORRECTABLE,
+        }
     }
 
     /// The error of the count at `spacing`, by the first parts or, if `all_parts` or the first parts are

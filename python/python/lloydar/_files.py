@@ -43,6 +43,7 @@ class JobOptions(TypedDict, total=False):
     spacing: Length | None
     count: Amount | None
     ratio: float | str | None
+    exact: bool
     memory: Amount | None
     threads: int | None
     job: PathLike | None
@@ -107,9 +108,11 @@ def run(
         Distance between neighbouring output points: in units of the CRS, or with a unit, ``"5cm"``. One of
         `spacing`, `count` and `ratio` must be given.
     count : int or str
-        Approximate number of output points: ``2_000_000``, ``"2M"``.
+        Number of output points: ``2_000_000``, ``"2M"``.
     ratio : float or str
         Output points for each input point: ``0.02``, ``"2%"``.
+    exact : bool, default False
+        Meet `count` or `ratio` exactly, and not only within 0.3 %.
     memory : int or str, optional
         Peak memory of the process in bytes, or ``"4GiB"``; three quarters of what the cgroup or the machine
         allows by default. If it is given, the C library of Linux is asked to return freed memory to the system

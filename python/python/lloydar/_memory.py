@@ -26,6 +26,7 @@ def resample(
     spacing: SupportsFloat | None = None,
     count: SupportsIndex | None = None,
     ratio: SupportsFloat | None = None,
+    exact: bool = False,
     iterations: SupportsIndex | None = None,
     accelerate: Acceleration | None = None,
     seeds: SeedRule | None = None,
@@ -53,9 +54,11 @@ def resample(
         Distance between neighbouring output points, in the unit of the points: the edge of the hexagonal lattice
         with as many points to the area. One of `spacing`, `count` and `ratio` must be given.
     count : int, optional
-        Approximate number of output points, met to one or two per cent.
+        Number of output points, met within 0.3 %.
     ratio : float, optional
-        Approximate number of output points for each input point: 0.02 keeps one in fifty.
+        Number of output points for each input point, met as nearly: 0.02 keeps one in fifty.
+    exact : bool, default False
+        Meet `count` or `ratio` exactly.
     iterations : int, default 20
         Lloyd iterations.
     accelerate : {"relaxation", "none", "anderson", "anderson-global"}, optional
@@ -112,6 +115,8 @@ def resample(
     }
     if count is not None:
         options["count"] = _whole("count", count, 2**63)
+    if exact:
+        options["exact"] = True
     if seed is not None:
         options["seed"] = _whole("seed", seed, 2**63)
     if iterations is not None:

@@ -46,6 +46,7 @@ def cloud_page(cloud: Resampled, points_in: int) -> str:
         ("packing", figures["packing"]),
         ("cell-area CV", figures["cell_area_cv"]),
         ("six neighbours", figures["six_neighbors"]),
+        ("cells within a quarter of the mean", figures["even_cells"]),
     ]
     return f"<div style='display:flex;gap:2em'>{table(rows)}{_picture(cloud)}</div>"
 

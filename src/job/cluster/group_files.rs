@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::claims::{Claim, WorkKind};
 use crate::{
-    job::JobError,
+    job::{JobError, stages::solve::FilesOfOthers},
     tile::{BlockFile, TileError},
 };
 
@@ -15,13 +15,23 @@ pub(super) const TILES: WorkKind = WorkKind {
     complete_extension: "complete",
 };
 
+/// The work of the first of two rounds, which comes before: as with solving.
+pub(super) const STARTS: WorkKind = WorkKind {
+    prefix: "starts",
+    claim_extension: "started",
+    complete_extension: "complete",
+};
+
 /// Opens the files of all attempts at groups of tiles in the job directory `dir`.
 ///
 /// # Errors
 ///
 /// [`JobError::Io`] or [`TileError::Io`] if the directory or one of the files cannot be read.
-pub(crate) fn block_files(dir: &Path) -> Result<Vec<BlockFile>, JobError> {
-    block_files_of(&Claim::all(&TILES, dir)?)
+pub(crate) fn files_of_others(dir: &Path) -> Result<FilesOfOthers, JobError> {
+    Ok(FilesOfOthers {
+        started: block_files_of(&Claim::all(&STARTS, dir)?)?,
+        solved: block_files_of(&Claim::all(&TILES, dir)?)?,
+    })
 }
 
 /// Opens the files of `claims`, with the tiles that are complete by now.

@@ -20,6 +20,6 @@ mod tile_groups;
 mod worker;
 
 pub(super) use claims::{AttemptState, Claim, GROUP_LIMIT, WorkKind};
-pub(super) use group_files::block_files;
+pub(super) use group_files::files_of_others;
 pub(crate) use status::JobStatus;
 pub(crate) use worker::Worker;

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{
     claims::{AttemptState, Claim},
-    group_files::{TILES, block_files_of},
+    group_files::{STARTS, TILES, block_files_of},
     handover::Handover,
     tile_groups::groups,
     worker::HEARTBEAT_INTERVAL,
@@ -14,7 +14,7 @@ use super::{
 use crate::{
     job::{
         JobError,
-        directory::SolvedTiles,
+        directory::{SolvedTiles, StartedTiles},
         stages::scan_groups::{POINTS, ScanGroups},
     },
     tiling::Tile,
@@ -36,6 +36,8 @@ pub(crate) struct JobStatus {
     pub(crate) scattered: Option<[u64; 2]>,
     /// The number of tiles of the job; 0 before everything is scattered.
     pub(crate) tiles: u64,
+    /// The number of tiles that have done the first of two rounds; `None` if there is one round.
+    pub(crate) started: Option<u64>,
     /// The number of tiles that are solved.
     pub(crate) solved: u64,
     /// The share of the scattering that is done, or of the solving by its cost.
@@ -85,6 +87,7 @@ impl JobStatus {
         Ok(Self {
             scattered: Some([complete as u64, count as u64]),
             tiles: 0,
+            started: None,
             solved: 0,
             share: complete as f64 / count as f64,
             claimed: claimed(&claims, |group| vec![group as u32]),
@@ -103,11 +106,20 @@ impl JobStatus {
             cost_done += tile.cost;
             seconds += tiles.figures(tile.id)?.seconds;
         }
+        let starts = Claim::all(&STARTS, dir)?;
+        let started = handover.plan.has_two_rounds.then(|| {
+            let begun = StartedTiles::of(block_files_of(&starts)?, 1);
+            let started = plan.tiles.iter().filter(|tile| begun.contains(tile.id));
+            Ok::<_, JobError>(started.count() as u64)
+        });
         let groups = groups(plan);
-        let claimed = claimed(&claims, |group| {
+        let members = |group: usize| {
             let tiles = groups.get(group).into_iter().flatten();
             tiles.map(|tile| tile.id).collect()
-        });
+        };
+        let mut claimed_groups = claimed(&starts, members);
+        claimed_groups.extend(claimed(&claims, members));
+        let claimed = claimed_groups;
         let is_alive = |group: &&ClaimedGroup| {
             group.silent_seconds < MISSED_HEARTBEATS * HEARTBEAT_INTERVAL.as_secs_f64()
         };
@@ -118,6 +130,7 @@ impl JobStatus {
         Ok(Self {
             scattered: None,
             tiles: plan.tiles.len() as u64,
+            started: started.transpose()?,
             solved,
             share: cost_done as f64 / cost as f64,
             claimed,

@@ -5,21 +5,25 @@ use std::{path::Path, sync::atomic::AtomicBool};
 
 use super::{
     claims::GROUP_LIMIT,
-    group_files::{TILES, block_files, block_files_of},
+    group_files::{STARTS, TILES, block_files_of, files_of_others},
     handover::Handover,
     worker::Worker,
 };
 use crate::{
     job::{
         context::RunContext,
-        directory::SolvedTiles,
+        directory::{SolvedTiles, StartedTiles},
         error::JobError,
         progress::{Progress, Unit},
         resources::mebibytes,
         stages::{
-            plan::JobPlan, scan_groups::open_spill, solve::solve_tiles, tile_solver::TileSolver,
+            plan::JobPlan,
+            scan_groups::open_spill,
+            solve::{corrected_count, finish_tiles, solve_tiles, start_tiles},
+            tile_solver::TileSolver,
         },
     },
+    lloyd::CountCorrection,
     tile::BlockFile,
     tiling::{Plan, Tile},
 };
@@ -59,14 +63,17 @@ impl Worker {
         let groups = groups(&plan.plan);
         RunContext::with(&job, self.threads, progress, cancel, |run| {
             let progress = run.progress;
-            let (tiles, solved) = (&plan.plan.tiles, SolvedTiles::of(block_files(dir)?));
+            let after = match plan.has_two_rounds {
+                true => Some(self.start(run, dir, &solver, &groups)?),
+                false => None,
+            };
+            let (tiles, solved) = (
+                &plan.plan.tiles,
+                SolvedTiles::of(files_of_others(dir)?.solved),
+            );
             let done = tiles.iter().filter(|tile| solved.contains(tile.id)).count();
             progress.begin("solve", tiles.len() as u64, done as u64, Unit::Tiles);
-            let watch = |_: &Tile, share: f64| {
-                if share >= 1.0 {
-                    progress.advance(1);
-                }
-            };
+            let watch = counting(progress);
             let given_up = self.share(&TILES, dir, groups.len(), cancel, |claim, earlier| {
                 // Tiles that earlier attempts have completed are not solved again.
                 let mut files = block_files_of(earlier)?;
@@ -74,17 +81,70 @@ impl Worker {
                 let mut solved = SolvedTiles::of(files);
                 let mut missing = groups[claim.group].clone();
                 missing.retain(|tile| !solved.contains(tile.id));
-                solve_tiles(run, &solver, &missing, &mut solved, &watch)?;
+                match &after {
+                    Some(after) => finish_tiles(run, &solver, &missing, after, &mut solved, &watch),
+                    None => solve_tiles(run, &solver, &missing, &mut solved, &watch),
+                }?;
                 claim.complete().map(|()| true)
             })?;
-            if given_up.is_empty() {
-                progress.end();
-                return Ok(());
-            }
-            let tiles = given_up.iter().flat_map(|&group| &groups[group]);
-            let tiles: Vec<u32> = tiles.map(|tile| tile.id).collect();
-            Err(self.given_up(&tiles, plan))
+            progress.end();
+            self.check_given_up(&given_up, &groups, plan)
         })
+    }
+
+    /// Does the first of two rounds for tiles that no other process begins, and waits until all tiles have done it.
+    /// Returns them, and the correction of their count.
+    fn start(
+        &self,
+        run: &RunContext<'_>,
+        dir: &Path,
+        solver: &TileSolver,
+        groups: &[Vec<Tile>],
+    ) -> Result<(StartedTiles, CountCorrection), JobError> {
+        let (progress, tiles) = (run.progress, &solver.plan.plan.tiles);
+        let started = || {
+            let files = files_of_others(dir)?.started;
+            Ok::<_, JobError>(StartedTiles::of(files, solver.edge_of_pieces()))
+        };
+        let before = started()?;
+        let done = tiles.iter().filter(|tile| before.contains(tile.id)).count();
+        progress.begin("start", tiles.len() as u64, done as u64, Unit::Tiles);
+        let watch = counting(progress);
+        // No tile can go on before all have done the round.
+        let worker = Self {
+            waits_for_others: true,
+            ..*self
+        };
+        let count = groups.len();
+        let given_up = worker.share(&STARTS, dir, count, run.cancel, |claim, earlier| {
+            let mut files = block_files_of(earlier)?;
+            files.push(BlockFile::open(&claim.path())?);
+            let mut started = StartedTiles::of(files, solver.edge_of_pieces());
+            let mut missing = groups[claim.group].clone();
+            missing.retain(|tile| !started.contains(tile.id));
+            start_tiles(run, solver, &missing, &mut started, &watch)?;
+            claim.complete().map(|()| true)
+        })?;
+        progress.end();
+        self.check_given_up(&given_up, groups, &solver.plan)?;
+        let started = started()?;
+        let correction = corrected_count(run, solver, &started)?;
+        Ok((started, correction))
+    }
+
+    /// Fails if groups of tiles were `given_up`.
+    fn check_given_up(
+        &self,
+        given_up: &[usize],
+        groups: &[Vec<Tile>],
+        plan: &JobPlan,
+    ) -> Result<(), JobError> {
+        if given_up.is_empty() {
+            return Ok(());
+        }
+        let tiles = given_up.iter().flat_map(|&group| &groups[group]);
+        let tiles: Vec<u32> = tiles.map(|tile| tile.id).collect();
+        Err(self.given_up(&tiles, plan))
     }
 
     /// The error that reports `tiles` over which too many processes have died.
@@ -97,6 +157,15 @@ impl Worker {
             mebibytes(plan.memory),
             self.retry_limit + 1,
         ))
+    }
+}
+
+/// Counts tiles that are on the disk.
+fn counting(progress: &dyn Progress) -> impl Fn(&Tile, f64) + Sync + '_ {
+    move |_, share| {
+        if share >= 1.0 {
+            progress.advance(1);
+        }
     }
 }
 

@@ -9,7 +9,7 @@ pub(crate) const PLAN_FILE: &str = "plan.json";
 pub(super) const LEVELS_DIRECTORY: &str = "levels";
 
 /// Stems of the names of a job's files, without the numbers of groups and attempts.
-const STEMS: [&str; 13] = [
+const STEMS: [&str; 14] = [
     "groups",
     LEVELS_DIRECTORY,
     "handover",
@@ -22,6 +22,7 @@ const STEMS: [&str; 13] = [
     "plan",
     "spacing",
     "spill",
+    "starts",
     "tiles",
 ];
 
@@ -71,6 +72,7 @@ mod tests {
             "job.json",
             "job-12-34.json",
             "spill-3-0.index",
+            "starts-3-0.started",
             "tiles.solved",
         ] {
             assert!(is_own(own), "{own}");

@@ -162,7 +162,8 @@ impl JobDirectory {
 
     /// Removes the results of all tiles, and the file from which other processes would solve them.
     pub(crate) fn forget_tiles(&self) {
-        self.forget(|name| name.starts_with("tiles") || name == "handover.json");
+        let is_of_tiles = |name: &str| name.starts_with("tiles") || name.starts_with("starts");
+        self.forget(|name| is_of_tiles(name) || name == "handover.json");
     }
 
     /// Removes the job's files whose names are `wanted`; a file that cannot be removed stays.

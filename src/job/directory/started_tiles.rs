@@ -8,7 +8,10 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use crate::{
     geometry::{Local, Rect, Stored},
     job::error::JobError,
-    lloyd::{ResumedSites, SiteState},
+    lloyd::{
+        Candidates, CountCorrection, FirstRound, ResumedSites, SiteState, SolverOptions,
+        WantedCount,
+    },
     quality::{DistanceSums, UniformityTally},
     tile::{BlockFile, TileError},
     tiling::Tile,
@@ -16,10 +19,12 @@ use crate::{
 
 /// The tiles of a job that have done the first round. A tile has blocks of its own: its sites in
 /// pieces, square by square, so that a neighbour reads what it sees and no more, of each the places
-/// and the states; then a table of the pieces, without which the tile has not done the round.
+/// and the states; the candidates for meeting a count; then a table of the pieces, without which the tile has not done
+/// the round.
 #[derive(Debug)]
 pub(crate) struct StartedTiles {
-    file: BlockFile,
+    /// The blocks may be in several files; tiles are added to the last one.
+    files: Vec<BlockFile>,
     /// Edge of the square of a piece (stored units).
     square: i64,
 }
@@ -61,23 +66,36 @@ impl StartedTile {
 const FILE: &str = "tiles.started";
 
 impl StartedTiles {
-    /// Opens the tiles in the job directory `dir`, to which tiles can be added in pieces of the edge
-    /// `square` (stored units).
+    /// Opens the tiles in the job directory `dir`: those in `files`, which other processes have written, and those of
+    /// this process, to which tiles can be added in pieces of the edge `square` (stored units).
     ///
     /// # Errors
     ///
-    /// [`JobError::Tile`] if the file cannot be opened.
-    pub(crate) fn open(dir: &Path, square: i64) -> Result<Self, JobError> {
-        let file = BlockFile::open(&dir.join(FILE))?;
-        Ok(Self { file, square })
+    /// [`JobError::Tile`] if the file of this process cannot be opened.
+    pub(crate) fn open(
+        dir: &Path,
+        mut files: Vec<BlockFile>,
+        square: i64,
+    ) -> Result<Self, JobError> {
+        files.push(BlockFile::open(&dir.join(FILE))?);
+        Ok(Self::of(files, square))
+    }
+
+    /// The tiles in `files`; tiles are added to the last of these in pieces of the edge `square` (stored units).
+    pub(crate) fn of(files: Vec<BlockFile>, square: i64) -> Self {
+        Self { files, square }
     }
 
     /// Whether `tile` has done the first round.
     pub(crate) fn contains(&self, tile: u32) -> bool {
-        self.file.contains(key(tile, 0))
+        self.with(key(tile, 0)).is_some()
     }
 
-    /// Adds a tile with the `states` of its sites; when this returns, the tile is on the disk.
+    fn with(&self, key: u64) -> Option<&BlockFile> {
+        self.files.iter().find(|file| file.contains(key))
+    }
+
+    /// Adds a tile with what its first `round` leaves; when this returns, the tile is on the disk.
     ///
     /// # Errors
     ///
@@ -86,9 +104,15 @@ impl StartedTiles {
         &mut self,
         tile: u32,
         mut started: StartedTile,
-        mut states: Vec<SiteState>,
+        round: FirstRound,
     ) -> Result<(), JobError> {
+        let FirstRound {
+            mut states,
+            candidates,
+            ..
+        } = round;
         let edge = self.square;
+        let file = self.files.last_mut().ok_or_else(damaged)?;
         let square = |state: &SiteState| {
             [state.identity.x, state.identity.y].map(|c| i64::from(c).div_euclid(edge))
         };
@@ -96,7 +120,7 @@ impl StartedTiles {
         for (piece, states) in (0..).zip(states.chunk_by(|a, b| square(a) == square(b))) {
             let place = |state: &SiteState| (state.identity, state.position);
             let places: Vec<(Stored, Local)> = states.iter().map(place).collect();
-            self.file.append(&[
+            file.append(&[
                 (key(tile, places_of(piece)), &encoded(&places)),
                 (key(tile, states_of(piece)), &encoded(&states)),
             ])?;
@@ -106,10 +130,11 @@ impl StartedTiles {
                 max: corner.map(|c| (c + 1) * edge),
             });
         }
+        file.append(&[(key(tile, CANDIDATES), &encoded(&candidates))])?;
         // The table says that the pieces are there: they are on the disk before it.
-        self.file.flush()?;
-        self.file.append(&[(key(tile, 0), &encoded(&started))])?;
-        Ok(self.file.flush()?)
+        file.flush()?;
+        file.append(&[(key(tile, 0), &encoded(&started))])?;
+        Ok(file.flush()?)
     }
 
     /// Reads what the first round left of `tile`.
@@ -135,17 +160,40 @@ impl StartedTiles {
         Ok(found)
     }
 
-    /// Reads the sites in `rect`, of all `tiles`, to go on at `spacing` (CRS units).
+    /// The sites that leave and come so that all `tiles` together have as many as are `wanted`, and the number that
+    /// they have without them.
     ///
     /// # Errors
     ///
     /// [`JobError::Tile`] if a tile has not done the round, or a block is damaged.
-    pub(crate) fn sites_in(
+    pub(crate) fn correction(
+        &self,
+        wanted: WantedCount,
+        tiles: &[Tile],
+        options: &SolverOptions,
+    ) -> Result<(CountCorrection, u64), JobError> {
+        let candidates = |tile: &Tile| self.decoded::<Candidates>(key(tile.id, CANDIDATES));
+        let mut sites = 0;
+        for tile in tiles {
+            sites += candidates(tile)?.sites;
+        }
+        let parts = tiles.iter().map(candidates);
+        let correction = CountCorrection::choose(wanted, sites, parts, options)?;
+        Ok((correction, sites))
+    }
+
+    /// Reads the sites in `rect`, of all `tiles`, to go on at `spacing` (CRS units) after `correction`.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError::Tile`] if a tile has not done the round, or a block is damaged.
+    pub(crate) fn sites_in<'a>(
         &self,
         rect: &Rect,
         tiles: &[Tile],
         spacing: f64,
-    ) -> Result<ResumedSites, JobError> {
+        correction: &'a CountCorrection,
+    ) -> Result<ResumedSites<'a>, JobError> {
         let mut pieces = Vec::new();
         for tile in tiles.iter().filter(|tile| tile.core.intersects(rect)) {
             let of_tile = (0..).zip(self.started(tile.id)?.pieces);
@@ -157,7 +205,9 @@ impl StartedTiles {
             let places: Vec<(Stored, Local)> = self.decoded(key(tile, places_of(piece)))?;
             known.extend(places.iter().filter(|(place, _)| rect.contains(*place)));
         }
-        let mut sites = ResumedSites::new(known, spacing);
+        let coming = correction.coming().iter();
+        known.extend(coming.filter(|(place, _)| rect.contains(*place)));
+        let mut sites = ResumedSites::new(known, spacing, correction);
         for &(tile, piece) in &pieces {
             sites.add(self.decoded(key(tile, states_of(piece)))?);
         }
@@ -165,11 +215,14 @@ impl StartedTiles {
     }
 
     fn decoded<T: DeserializeOwned>(&self, key: u64) -> Result<T, JobError> {
-        let bytes = self.file.read(key)?;
-        let damaged = |_| TileError::Damaged {
-            path: FILE.to_owned(),
-        };
-        Ok(postcard::from_bytes(&bytes).map_err(damaged)?)
+        let bytes = self.with(key).ok_or_else(damaged)?.read(key)?;
+        Ok(postcard::from_bytes(&bytes).map_err(|_| damaged())?)
+    }
+}
+
+fn damaged() -> TileError {
+    TileError::Damaged {
+        path: FILE.to_owned(),
     }
 }
 
@@ -181,6 +234,9 @@ fn encoded<T: Serialize + ?Sized>(value: &T) -> Vec<u8> {
 fn key(tile: u32, block: u32) -> u64 {
     u64::from(tile) << 32 | u64::from(block)
 }
+
+/// The block with the candidates of a tile.
+const CANDIDATES: u32 = u32::MAX;
 
 /// The block with the identities and positions of a piece.
 fn places_of(piece: u32) -> u32 {
@@ -221,8 +277,8 @@ mod tests {
         }
     }
 
-    /// The states of the sites on a plane of 2 × 2.
-    fn states() -> Vec<SiteState> {
+    /// What the first round leaves of a plane of 2 × 2.
+    fn round() -> FirstRound {
         let points = (0..40_000).map(|k| Stored {
             x: k % 200 * 10,
             y: k / 200 * 10,
@@ -236,8 +292,7 @@ mod tests {
         let scan = Scan::new(points.collect(), quantization, &options);
         let go_on = |_: f64| ControlFlow::Continue(());
         let region = TileRegion::everything();
-        let round = solve_first_round(&scan, &region, &options, &go_on);
-        round.unwrap().states
+        solve_first_round(&scan, &region, &options, true, &go_on).unwrap()
     }
 
     fn started(filling: Vec<Stored>) -> StartedTile {
@@ -248,19 +303,24 @@ mod tests {
     fn what_a_tile_sees_of_all_tiles_is_read_back() {
         let dir = tempfile::tempdir().unwrap();
         let tiles = [tile(0, 0, 900), tile(1, 900, 2001)];
-        let states = states();
+        let states = round().states;
         let filling: Vec<Stored> = states.iter().map(|state| state.identity).collect();
-        let mut file = StartedTiles::open(dir.path(), SQUARE).unwrap();
+        let mut file = StartedTiles::open(dir.path(), Vec::new(), SQUARE).unwrap();
         for tile in &tiles {
             let mut own = states.clone();
             own.retain(|state| tile.core.contains(state.identity));
             let filling = own.iter().map(|state| state.identity).collect();
-            file.add(tile.id, started(filling), own).unwrap();
+            let round = FirstRound {
+                states: own,
+                ..round()
+            };
+            file.add(tile.id, started(filling), round).unwrap();
         }
 
-        let file = StartedTiles::open(dir.path(), SQUARE).unwrap();
+        let file = StartedTiles::open(dir.path(), Vec::new(), SQUARE).unwrap();
+        let uncorrected = CountCorrection::default();
         for seen in [rect(0, 2001), rect(300, 650), rect(850, 950), rect(-10, 0)] {
-            let found = file.sites_in(&seen, &tiles, 0.1).unwrap();
+            let found = file.sites_in(&seen, &tiles, 0.1, &uncorrected).unwrap();
             let expected = states.iter().filter(|s| seen.contains(s.identity));
             assert_eq!(found.len(), expected.count());
             let mut found = file.filling_in(&seen, &tiles).unwrap();
@@ -273,14 +333,14 @@ mod tests {
     #[test]
     fn a_tile_without_its_table_has_not_been_started() {
         let dir = tempfile::tempdir().unwrap();
-        let mut file = StartedTiles::open(dir.path(), SQUARE).unwrap();
-        file.add(0, started(Vec::new()), states()).unwrap();
-        file.add(1, started(Vec::new()), states()).unwrap();
+        let mut file = StartedTiles::open(dir.path(), Vec::new(), SQUARE).unwrap();
+        file.add(0, started(Vec::new()), round()).unwrap();
+        file.add(1, started(Vec::new()), round()).unwrap();
         let path = dir.path().join(FILE);
         let whole = fs::read(&path).unwrap();
         for kept in [whole.len() - 1, whole.len() - 200, whole.len() / 4 * 3] {
             fs::write(&path, &whole[..kept]).unwrap();
-            let file = StartedTiles::open(dir.path(), SQUARE).unwrap();
+            let file = StartedTiles::open(dir.path(), Vec::new(), SQUARE).unwrap();
             assert!(file.contains(0) && !file.contains(1), "{kept}");
         }
     }

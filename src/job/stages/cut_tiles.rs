@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{scatter::SpillReaders, scattered_cloud::ScatteredCloud, tile_costs::costed_squares};
 use crate::{
     job::{directory::PLAN_FILE, error::JobError, progress::Progress, resources::mebibytes},
-    lloyd::SolverOptions,
+    lloyd::{SolverOptions, candidate_band},
     tiling::{Plan, PlanOptions, Square, Tile},
 };
 
@@ -40,11 +40,16 @@ pub(super) fn cut_tiles(
     let run = cloud.run;
     let found = cloud.directory.read::<CutTiles>(PLAN_FILE);
     let is_new = found.is_none();
-    // Between rounds all processes would wait for the last.
-    let may_have_rounds = readers == SpillReaders::ThisProcess && options.has_rounds();
+    // Several tiles meet a count between rounds.
+    let has_count = run.job.settings.wanted_count(points_out).is_some();
+    // Between rounds all processes wait for the last.
+    let has_rounds = options.acceleration.has_rounds();
+    let may_have_rounds = has_count || (readers == SpillReaders::ThisProcess && has_rounds);
     let fits = |found: &CutTiles| {
+        let has_all = !has_count || found.has_two_rounds || found.plan.tiles.len() <= 1;
         found.plan.most_cost() <= cloud.budget().tile()
             && (may_have_rounds || !found.has_two_rounds)
+            && has_all
     };
     if let Some(found) = found.filter(fits) {
         return Ok(found);
@@ -53,13 +58,19 @@ pub(super) fn cut_tiles(
     let halo = run.job.settings.tiling.halo;
     let in_one = cut(cloud, &squares, options, halo.unwrap_or(options.halo()));
     let is_one = in_one.as_ref().is_ok_and(|plan| plan.tiles.len() <= 1);
-    let cut = if is_one || !may_have_rounds || halo.is_some() {
+    let cut = if is_one || !may_have_rounds || (halo.is_some() && !has_count) {
         in_one.map(CutTiles::in_one_round)
     } else {
-        let rounds = options.two_rounds();
-        let halos = rounds.map(|round| round.halo(options));
-        let in_two = cut(cloud, &squares, options, halos[0].max(halos[1]));
-        cheaper(in_one, in_two)
+        let [mut first, last] = options.two_rounds().map(|round| round.halo(options));
+        if has_count {
+            first += candidate_band(options);
+        }
+        let halo = halo.unwrap_or(first.max(last));
+        let in_two = cut(cloud, &squares, options, halo);
+        match has_count {
+            true => in_two.map(CutTiles::in_two_rounds),
+            false => cheaper(in_one, in_two),
+        }
     };
     let cut = cut.map_err(|tile| too_little_memory(cloud, &tile))?;
     if !is_new {

@@ -103,7 +103,10 @@ pub(crate) fn complete_output(
     check_conservation(sites, complete.points())?;
 
     // Collect what the report says.
-    let notes = planned.survey.notes.iter().cloned().chain(notes_on_points);
+    let missed = missed_count(solver, complete.points());
+    missed.iter().for_each(note);
+    let notes = planned.survey.notes.iter().cloned();
+    let notes = notes.chain(notes_on_points).chain(missed);
     let outcome = Outcome {
         plan: solver.plan.clone(),
         inputs: planned.inputs.clone(),
@@ -122,6 +125,17 @@ pub(crate) fn complete_output(
     };
     let cloud = complete;
     Ok((outcome, CompleteOutput { cloud, mesh }))
+}
+
+/// The note on an output of so many `points` that misses the number that is to be met exactly.
+fn missed_count(solver: &TileSolver, points: u64) -> Option<String> {
+    let wanted = solver.wanted.filter(|wanted| wanted.is_exact)?;
+    (points != wanted.sites).then(|| {
+        format!(
+            "--exact: {points} points instead of {}: there are not enough places where points could come or leave",
+            wanted.sites
+        )
+    })
 }
 
 /// Settles the position of every site, and reports the end of the stage.

@@ -165,11 +165,6 @@ fn scatter_and_plan(
     // Check that the inputs are still those of the survey, and name them by their checksums.
     inputs.check()?;
     let checksums = checksums(&survey, directory)?;
-    let solver = TileSolver {
-        spill,
-        plan,
-        options,
-        transfer,
-    };
+    let solver = TileSolver::new(spill, plan, &survey.record, settings);
     Ok((survey, checksums, solver))
 }

@@ -21,6 +21,7 @@ use crate::{
         error::JobError,
         progress::{Progress, Unit},
     },
+    lloyd::CountCorrection,
     tile::BlockFile,
     tiling::Tile,
 };
@@ -32,6 +33,14 @@ pub(crate) type WatchTile<'a> = &'a (dyn Fn(&Tile, f64) + Sync);
 /// Receives the share of the work on a tile that is done, and says whether it goes on.
 type WatchShare<'a> = &'a (dyn Fn(f64) -> ControlFlow<()> + Sync);
 
+/// The files in which other processes have begun and solved tiles of a job.
+pub(crate) struct FilesOfOthers {
+    /// The tiles that have done the first of two rounds.
+    pub(crate) started: Vec<BlockFile>,
+    /// The tiles that are solved.
+    pub(crate) solved: Vec<BlockFile>,
+}
+
 /// Solves the tiles of a planned job that are not solved yet, by this process or in the files of
 /// `others`. Returns all solved tiles.
 ///
@@ -41,14 +50,18 @@ type WatchShare<'a> = &'a (dyn Fn(f64) -> ControlFlow<()> + Sync);
 pub(crate) fn solve_missing(
     run: &RunContext<'_>,
     planned: &PlannedJob,
-    others: Vec<BlockFile>,
+    others: FilesOfOthers,
 ) -> Result<SolvedTiles, JobError> {
     let solver = &planned.solver;
-    let mut solved = SolvedTiles::open(planned.directory.path(), others)?;
+    let mut solved = SolvedTiles::open(planned.directory.path(), others.solved)?;
     let tiles = solver.plan.plan.tiles.iter();
     let (done, missing) = tiles.partition(|tile| solved.contains(tile.id));
     let started = match solver.plan.has_two_rounds && !Vec::is_empty(&missing) {
-        true => Some(start_missing(run, planned)?),
+        true => {
+            let started = start_missing(run, planned, others.started)?;
+            let correction = corrected_count(run, solver, &started)?;
+            Some((started, correction))
+        }
         false => None,
     };
     in_stage(
@@ -57,47 +70,95 @@ pub(crate) fn solve_missing(
         done,
         missing,
         |missing, watch| match &started {
-            Some(started) => finish_tiles(run, solver, missing, started, &mut solved, watch),
+            Some(after) => finish_tiles(run, solver, missing, after, &mut solved, watch),
             None => solve_tiles(run, solver, missing, &mut solved, watch),
         },
     )?;
     Ok(solved)
 }
 
-/// Does the first round for the tiles of a planned job that have not done it yet. Returns all tiles
-/// that have.
-fn start_missing(run: &RunContext<'_>, planned: &PlannedJob) -> Result<StartedTiles, JobError> {
+/// Does the first round for the tiles of a planned job that have not done it yet, by this process or in the files of
+/// `others`. Returns all tiles that have.
+fn start_missing(
+    run: &RunContext<'_>,
+    planned: &PlannedJob,
+    others: Vec<BlockFile>,
+) -> Result<StartedTiles, JobError> {
     let solver = &planned.solver;
-    let square = solver.plan.plan.halo / 2;
-    let mut started = StartedTiles::open(planned.directory.path(), square.max(1))?;
+    let edge = solver.edge_of_pieces();
+    let mut started = StartedTiles::open(planned.directory.path(), others, edge)?;
     let tiles = solver.plan.plan.tiles.iter();
     let (done, missing) = tiles.partition(|tile| started.contains(tile.id));
     in_stage(run, "start", done, missing, |missing, watch| {
-        let load = |tile| solver.load(tile);
-        each_tile(run, solver, missing, load, watch, |loaded, begun, watch| {
-            let id = loaded.tile.id;
-            let (mut tile, states) = solver.start(loaded, watch)?;
-            tile.seconds = begun.elapsed().as_secs_f64();
-            started.add(id, tile, states)
-        })
+        start_tiles(run, solver, missing, &mut started, watch)
     })?;
     run.clock.end_stage("start");
     Ok(started)
 }
 
-/// Solves `tiles`, which have done the first round in `started`, and adds them to `solved`.
-fn finish_tiles(
+/// Does the first round for `tiles` and adds them to `started`.
+///
+/// # Errors
+///
+/// See [`JobError`].
+pub(crate) fn start_tiles(
     run: &RunContext<'_>,
     solver: &TileSolver,
     tiles: &[Tile],
+    started: &mut StartedTiles,
+    watch: WatchTile<'_>,
+) -> Result<(), JobError> {
+    let load = |tile| solver.load(tile);
+    each_tile(run, solver, tiles, load, watch, |loaded, begun, watch| {
+        let id = loaded.tile.id;
+        let (mut tile, round) = solver.start(loaded, watch)?;
+        tile.seconds = begun.elapsed().as_secs_f64();
+        started.add(id, tile, round)
+    })
+}
+
+/// The sites that leave and come so that the `started` tiles, which are all, have as many as were asked for.
+///
+/// # Errors
+///
+/// [`JobError::Tile`] if what a tile left cannot be read.
+pub(crate) fn corrected_count(
+    run: &RunContext<'_>,
+    solver: &TileSolver,
     started: &StartedTiles,
+) -> Result<CountCorrection, JobError> {
+    let Some(wanted) = solver.wanted else {
+        return Ok(CountCorrection::default());
+    };
+    let tiles = &solver.plan.plan.tiles;
+    let (correction, sites) = started.correction(wanted, tiles, &solver.options)?;
+    if !correction.is_empty() {
+        run.progress.note(&format!(
+            "{sites} seeds for {} points: {correction}",
+            wanted.sites
+        ));
+    }
+    Ok(correction)
+}
+
+/// Solves `tiles`, which have done the first round as all others have, by those and the correction of their count, and
+/// adds them to `solved`.
+///
+/// # Errors
+///
+/// See [`JobError`].
+pub(crate) fn finish_tiles(
+    run: &RunContext<'_>,
+    solver: &TileSolver,
+    tiles: &[Tile],
+    (started, correction): &(StartedTiles, CountCorrection),
     solved: &mut SolvedTiles,
     watch: WatchTile<'_>,
 ) -> Result<(), JobError> {
     let load = |tile| solver.load_again(tile, started);
     each_tile(run, solver, tiles, load, watch, |loaded, begun, watch| {
         let id = loaded.tile.id;
-        let (result, mut figures) = solver.finish(loaded, started, watch)?;
+        let (result, mut figures) = solver.finish(loaded, started, correction, watch)?;
         figures.seconds += begun.elapsed().as_secs_f64();
         solved.add(id, &result, &figures)
     })

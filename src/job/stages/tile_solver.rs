@@ -19,8 +19,9 @@ use crate::{
     },
     las::RecordFormat,
     lloyd::{
-        FirstRound, Scan, Site, SiteState, Solution, SolverOptions, ThinnedPoints, TileRegion,
-        solve_first_round, solve_last_round, solve_watched, uniformity,
+        CountCorrection, FirstRound, Scan, Site, Solution, SolverOptions, ThinnedPoints,
+        TileRegion, WantedCount, solve_first_round, solve_last_round, solve_watched, uniformity,
+        uniformity_by_surface,
     },
     quality::{DistanceTally, UniformityTally},
     tile::{SolvedSite, SolvedTile, Spill, TileError},
@@ -45,6 +46,8 @@ pub(crate) struct TileSolver {
     pub(crate) plan: JobPlan,
     /// The options of the solver.
     pub(crate) options: SolverOptions,
+    /// The number of sites that all tiles together are to have, if one was asked for.
+    pub(crate) wanted: Option<WantedCount>,
     /// The rules by which records are made.
     pub(crate) transfer: Transfer,
 }
@@ -71,6 +74,7 @@ impl TileSolver {
     ) -> Self {
         Self {
             options: plan.options(settings),
+            wanted: settings.wanted_count(plan.points_out),
             transfer: Transfer::new(scanned, settings),
             spill,
             plan,
@@ -102,6 +106,11 @@ impl TileSolver {
         })
     }
 
+    /// Edge (stored units) of the pieces in which the sites of tiles are kept between rounds.
+    pub(crate) fn edge_of_pieces(&self) -> i64 {
+        (self.plan.plan.halo / 2).max(1)
+    }
+
     /// What `tile` knows: its core and its halo.
     fn known(&self, tile: &Tile) -> Rect {
         tile.core.grown(self.plan.plan.halo)
@@ -128,8 +137,7 @@ impl TileSolver {
         })
     }
 
-    /// Does the first of two rounds for a tile. Returns what it leaves, with a time of zero, and
-    /// the states of the sites of the core. `watch` receives the share of the work that is done,
+    /// Does the first of two rounds for a tile. Returns what it leaves, with a time of zero. `watch` receives the share of the work that is done,
     /// and says whether it goes on.
     ///
     /// # Errors
@@ -139,21 +147,18 @@ impl TileSolver {
         &self,
         loaded: LoadedTile,
         watch: &dyn Fn(f64) -> ControlFlow<()>,
-    ) -> Result<(StartedTile, Vec<SiteState>), JobError> {
+    ) -> Result<(StartedTile, FirstRound), JobError> {
         let (region, scan) = (self.region(&loaded), loaded.scan);
-        let round = solve_first_round(&scan, &region, &self.options, watch);
-        let FirstRound {
-            states,
-            seeds,
-            convergence,
-        } = round.map_err(|_| TileError::Cancelled)?;
+        let has_count = self.wanted.is_some();
+        let round = solve_first_round(&scan, &region, &self.options, has_count, watch);
+        let mut round = round.map_err(|_| TileError::Cancelled)?;
         let filling = scan.filling().iter().copied();
         let started = StartedTile::new(
-            uniformity(seeds.iter(), self.options.spacing),
-            convergence,
+            uniformity(round.seeds.iter(), self.options.spacing),
+            std::mem::take(&mut round.convergence),
             filling.filter(|&p| region.core.contains(p)).collect(),
         );
-        Ok((started, states))
+        Ok((started, round))
     }
 
     /// Solves a tile in one round. Returns its result, and its figures with a time of zero. `watch`
@@ -168,7 +173,9 @@ impl TileSolver {
         watch: &dyn Fn(f64) -> ControlFlow<()>,
     ) -> Result<(SolvedTile, TileFigures), JobError> {
         let region = self.region(&loaded);
-        let solution = solve_watched(&loaded.scan, &region, &self.options, &|share| {
+        // Between rounds alone, several tiles can leave each other sites.
+        let wanted = self.wanted.filter(|_| self.plan.plan.tiles.len() == 1);
+        let solution = solve_watched(&loaded.scan, &region, &self.options, wanted, &|share| {
             watch(SOLVER_SHARE * share)
         });
         let solution = solution.map_err(|_| TileError::Cancelled)?;
@@ -177,7 +184,7 @@ impl TileSolver {
         self.complete(loaded, solution, seeds)
     }
 
-    /// Solves a tile that has done the first round, with its neighbours, in `started`. Returns its
+    /// Solves a tile that has done the first round, with its neighbours, in `started`, after `correction`. Returns its
     /// result and its figures. `watch` receives the share of the work that is done, and says
     /// whether it goes on.
     ///
@@ -189,11 +196,12 @@ impl TileSolver {
         &self,
         loaded: LoadedTile,
         started: &StartedTiles,
+        correction: &CountCorrection,
         watch: &dyn Fn(f64) -> ControlFlow<()>,
     ) -> Result<(SolvedTile, TileFigures), JobError> {
         let region = self.region(&loaded);
         let (tiles, spacing) = (&self.plan.plan.tiles, self.options.spacing);
-        let resumed = started.sites_in(&region.available, tiles, spacing)?;
+        let resumed = started.sites_in(&region.available, tiles, spacing, correction)?;
         let solution = solve_last_round(&loaded.scan, &region, &self.options, resumed, &|share| {
             watch(SOLVER_SHARE * share)
         });
@@ -271,6 +279,7 @@ fn figures(
     options: &SolverOptions,
 ) -> TileFigures {
     let (core, spacing) = (&tile.core, options.spacing);
+    let [on_surfaces, elsewhere] = uniformity_by_surface(own, spacing);
     TileFigures {
         tile: *tile,
         seconds: 0.0,
@@ -279,7 +288,8 @@ fn figures(
         exact: own.iter().filter(|s| s.is_exact).count() as u64,
         input: input_distances(scan, core, options),
         seeds,
-        uniformity: uniformity(own.iter(), spacing),
+        on_surfaces,
+        elsewhere,
         accuracy: DistanceTally::new(spacing),
         coverage: coverage(scan, &solution.sites, core, spacing),
         convergence: solution.convergence.clone(),

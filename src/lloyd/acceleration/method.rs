@@ -17,3 +17,11 @@ pub enum Acceleration {
     /// IV-C to the letter. The result depends on the tiling.
     AndersonGlobal,
 }
+
+impl Acceleration {
+    /// Whether the state of a site says all that the next iteration knows of the last: Anderson
+    /// mixing remembers whole blocks.
+    pub(crate) fn has_rounds(self) -> bool {
+        matches!(self, Self::None | Self::Relaxation)
+    }
+}

@@ -49,7 +49,7 @@ pub(crate) struct Fit {
     /// Spacing of the scan around the site (CRS units).
     input_spacing: f64,
     /// The share of a step that the patch is trusted for: 0 for none.
-    pub(super) trust: f64,
+    pub(crate) trust: f64,
     /// The point that the boundary restriction found last: the next position of the site is
     /// near it, too, more often than not.
     #[serde(skip, default = "nowhere")]

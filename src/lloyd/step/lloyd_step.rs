@@ -79,8 +79,18 @@ impl Step {
         }
     }
 
+    /// The step of a site that comes at `position` between two rounds, in every tile alike.
+    pub(crate) fn between_rounds(position: Local) -> Self {
+        Self {
+            is_exact: true,
+            ..Self::new(position)
+        }
+    }
+
     /// The step as it is kept between two rounds.
     pub(crate) fn kept(mut self) -> Self {
+        // It is of sites by their places in this round.
+        self.far = FarList::default();
         if !self.is_followed {
             self.followed = None;
         }
@@ -108,7 +118,7 @@ impl Step {
     }
 
     /// Discards the last step: the site stays at `position`.
-    fn reset(&mut self, position: Local) {
+    pub(crate) fn reset(&mut self, position: Local) {
         self.target = position;
         self.links = Links::NONE;
         self.free = 0.0;

@@ -1,0 +1,260 @@
+//! The number of sites that was asked for.
+//!
+//! A spacing gives a count only approximately. Where the count is what was asked for, sites that are too many
+//! leave and missing ones come between two rounds, and the iterations that are left close the gaps: those with
+//! the smallest cells leave, and new ones come where the largest empty circles are, at corners of cells. Each
+//! tile names its own candidates, by their neighbourhoods alone; which of them it is to be is decided by the
+//! order of all candidates of the cloud. So no tile shows in it.
+
+use std::{cmp::Ordering, fmt};
+
+use serde::{Deserialize, Serialize};
+
+use super::{options::SolverOptions, site::Site};
+use crate::geometry::{Local, NeighborGrid, Quantization, Rect, Stored};
+
+/// The number of sites that a cloud is to have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct WantedCount {
+    /// The number.
+    pub(crate) sites: u64,
+    /// Whether it is to be met exactly, and not only within a few thousandths.
+    pub(crate) is_exact: bool,
+}
+
+/// Share of the wanted number by which a cloud may miss it if it need not be met exactly.
+const TOLERANCE: f64 = 0.0025;
+
+impl WantedCount {
+    /// By how much `sites` are too many, or if it is negative too few; 0 where they are near enough.
+    fn excess(self, sites: u64) -> i64 {
+        let excess = sites as i64 - self.sites as i64;
+        let tolerance = match self.is_exact {
+            true => 0.0,
+            false => TOLERANCE * self.sites as f64,
+        };
+        if excess.abs() as f64 <= tolerance {
+            0
+        } else {
+            excess
+        }
+    }
+
+    /// Whether a cloud of `sites` sites misses the number.
+    pub(super) fn is_missed_by(self, sites: usize) -> bool {
+        self.excess(sites as u64) != 0
+    }
+}
+
+/// No two sites that leave are nearer to each other: the gap that one leaves is closed by its neighbours.
+const LEAVING_APART_IN_SPACINGS: f64 = 1.5;
+
+/// No site comes nearer to another, be it on another surface: sites that no patch moves would stay as near.
+const LEAST_ROOM_IN_SPACINGS: f64 = 0.55;
+
+/// No two sites that come are nearer to each other.
+const COMING_APART_IN_SPACINGS: f64 = 1.0;
+
+/// Width (in spacings) of the band around the core of a tile whose sites are compared with those of the core.
+const BAND_IN_SPACINGS: f64 = 4.0;
+
+/// Sites nearer than this to one that leaves or comes find their cells anew.
+const DISTURBED_WITHIN_SPACINGS: f64 = 3.0;
+
+/// Width (CRS units) of the band in which a tile must know the sites to name its candidates.
+pub(crate) fn candidate_band(options: &SolverOptions) -> f64 {
+    BAND_IN_SPACINGS * options.spacing
+}
+
+/// A site with the corner of its cell that is farthest from it, if neighbours bound the cell all around.
+pub(super) type SiteWithCorner = (Site, Option<Local>);
+
+/// A site that may leave, or a place where one may come: the smaller the rank, the sooner.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Candidate {
+    /// The area of the cell of a site that leaves (CRS units squared), or less the distance from a place to the nearest
+    /// site (CRS units). Of sites without a bounded cell it is infinite.
+    rank: f64,
+    /// Decides between equal ranks.
+    priority: u64,
+    /// The identity of the site.
+    identity: Stored,
+    /// The place (local coordinates).
+    position: Local,
+}
+
+impl Candidate {
+    fn is_before(&self, other: &Self) -> bool {
+        self.order(other).is_lt()
+    }
+
+    fn order(&self, other: &Self) -> Ordering {
+        let by_rank = self.rank.total_cmp(&other.rank);
+        by_rank.then_with(|| (self.priority, self.identity).cmp(&(other.priority, other.identity)))
+    }
+}
+
+/// The sites of a part of a cloud that may leave, and the places there where sites may come.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Candidates {
+    /// The number of sites.
+    pub(crate) sites: u64,
+    leaving: Vec<Candidate>,
+    coming: Vec<Candidate>,
+}
+
+impl Candidates {
+    /// The candidates of `core` among `sites`, which contain all sites of its band.
+    pub(super) fn of(
+        sites: &[SiteWithCorner],
+        core: &Rect,
+        quantization: &Quantization,
+        options: &SolverOptions,
+    ) -> Self {
+        let positions: Vec<Local> = sites.iter().map(|(site, _)| site.position).collect();
+        let grid = NeighborGrid::new(&positions, options.spacing);
+        let leaving = |(site, _): &SiteWithCorner| Candidate {
+            rank: site.bounded_area().unwrap_or(f64::INFINITY),
+            priority: site.identity.priority(options.seed),
+            identity: site.identity,
+            position: site.position,
+        };
+        let coming = |(site, corner): &SiteWithCorner| {
+            let position = (*corner)?;
+            let (_, squared) = grid.nearest(position, options.spacing, |_| false)?;
+            let distance = squared.sqrt();
+            (distance >= LEAST_ROOM_IN_SPACINGS * options.spacing).then_some(Candidate {
+                rank: -distance,
+                priority: site.identity.priority(options.seed),
+                identity: quantization.stored(position)?,
+                position,
+            })
+        };
+        let leaving: Vec<Candidate> = sites.iter().map(leaving).collect();
+        // The new site needs an identity that no other has.
+        let mut identities: Vec<Stored> = sites.iter().map(|(site, _)| site.identity).collect();
+        identities.sort_unstable();
+        let is_new = |place: &Candidate| identities.binary_search(&place.identity).is_err();
+        let coming: Vec<Candidate> = sites.iter().filter_map(coming).filter(is_new).collect();
+        Self {
+            sites: sites
+                .iter()
+                .filter(|(site, _)| core.contains(site.identity))
+                .count() as u64,
+            leaving: first_around(&leaving, core, LEAVING_APART_IN_SPACINGS * options.spacing),
+            coming: first_around(&coming, core, COMING_APART_IN_SPACINGS * options.spacing),
+        }
+    }
+}
+
+/// Those of `candidates` at home in `core` that come before all others within `radius` (CRS units).
+fn first_around(candidates: &[Candidate], core: &Rect, radius: f64) -> Vec<Candidate> {
+    let positions: Vec<Local> = candidates.iter().map(|c| c.position).collect();
+    let grid = NeighborGrid::new(&positions, radius);
+    let is_first = |candidate: &&Candidate| {
+        let mut is_first = true;
+        grid.visit_around(candidate.position, radius, |other, position| {
+            let is_near = (position - candidate.position).norm() <= radius;
+            is_first &= !(is_near && candidates[other as usize].is_before(candidate));
+        });
+        is_first
+    };
+    let own = candidates.iter().filter(|c| core.contains(c.identity));
+    own.filter(is_first).copied().collect()
+}
+
+/// The sites that leave and come so that a cloud has the number that was asked for.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct CountCorrection {
+    /// The identities of the sites that leave, in order.
+    leaving: Vec<Stored>,
+    /// The identities and positions of the sites that come, in the order of their identities.
+    coming: Vec<(Stored, Local)>,
+    /// Where sites leave and come.
+    places: Option<NeighborGrid>,
+    /// Sites nearer to such a place find their cells anew (CRS units).
+    reach: f64,
+}
+
+impl CountCorrection {
+    /// Chooses among the candidates of all parts of a cloud of `sites` sites, such that `wanted` is met as nearly as there
+    /// are candidates. `parts` gives the candidates part by part, in any order.
+    ///
+    /// # Errors
+    ///
+    /// The first error of `parts`.
+    pub(crate) fn choose<E>(
+        wanted: WantedCount,
+        sites: u64,
+        parts: impl Iterator<Item = Result<Candidates, E>>,
+        options: &SolverOptions,
+    ) -> Result<Self, E> {
+        let excess = wanted.excess(sites);
+        let most = excess.unsigned_abs() as usize;
+        let mut chosen: Vec<Candidate> = Vec::new();
+        if most > 0 {
+            for part in parts {
+                let part = part?;
+                chosen.extend(if excess > 0 {
+                    part.leaving
+                } else {
+                    part.coming
+                });
+                if chosen.len() > most {
+                    chosen.select_nth_unstable_by(most, Candidate::order);
+                    chosen.truncate(most);
+                }
+            }
+        }
+        chosen.sort_unstable_by_key(|candidate| candidate.identity);
+        let positions: Vec<Local> = chosen.iter().map(|c| c.position).collect();
+        let reach = DISTURBED_WITHIN_SPACINGS * options.spacing;
+        let places = (most > 0).then(|| NeighborGrid::new(&positions, reach));
+        let identities = chosen.iter().map(|c| c.identity);
+        Ok(if excess > 0 {
+            Self {
+                leaving: identities.collect(),
+                coming: Vec::new(),
+                places,
+                reach,
+            }
+        } else {
+            Self {
+                leaving: Vec::new(),
+                coming: identities.zip(positions).collect(),
+                places,
+                reach,
+            }
+        })
+    }
+
+    /// Whether the site of `identity` leaves.
+    pub(crate) fn leaves(&self, identity: &Stored) -> bool {
+        self.leaving.binary_search(identity).is_ok()
+    }
+
+    /// The identities and positions of the sites that come.
+    pub(crate) fn coming(&self) -> &[(Stored, Local)] {
+        &self.coming
+    }
+
+    /// Whether no site leaves or comes.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.leaving.is_empty() && self.coming.is_empty()
+    }
+
+    /// Whether a site at `position` finds its cell anew, because a site near it leaves or comes.
+    pub(super) fn disturbs(&self, position: Local) -> bool {
+        let places = self.places.as_ref();
+        places.is_some_and(|places| places.any_within(position, self.reach))
+    }
+}
+
+impl fmt::Display for CountCorrection {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.coming.len() {
+            0 => write!(f, "{} leave", self.leaving.len()),
+            coming => write!(f, "{coming} come"),
+        }
+    }
+}
