@@ -126,7 +126,7 @@ impl<'a> Sites<'a> {
             if let Some(wanted) = wanted {
                 *wanted = Some(site(identity, step, moments, &mut vicinity));
             }
-            step.step_to_centroid(moments, iteration, vicinity);
+            step.step_to_centroid(moments, iteration, &mut vicinity);
         });
         by_identity(sites, |site| site.identity)
     }
@@ -305,7 +305,7 @@ fn site(
         trust: step.fit.as_ref().map_or(0.0, |fit| fit.trust),
         normal: surface.map(|(normal, _)| normal),
         curvature: surface.map_or(f64::NAN, |(_, curvature)| curvature),
-        is_closed: cell.is_some_and(Cell::is_closed),
+        is_closed: moments.is_some() && vicinity.has_closed_cell(),
         neighbors: u8::try_from(neighbors).unwrap_or(u8::MAX),
         area: moments.map_or(0.0, |m| m.area),
         energy: moments.map_or(0.0, |m| m.energy),

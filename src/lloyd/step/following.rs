@@ -35,14 +35,8 @@ pub(super) struct FollowedCell {
 }
 
 impl FollowedCell {
-    /// What is kept of the cell that was clipped last, with `moments`, if it can be followed;
-    /// `nearest` is the distance to the nearest neighbour.
-    pub(super) fn new(
-        fit: &Fit,
-        moments: &Moments,
-        nearest: Option<f64>,
-        vicinity: &Vicinity<'_>,
-    ) -> Option<Self> {
+    /// What is kept of the cell that was clipped last, with `moments`, if it can be followed.
+    pub(super) fn new(fit: &Fit, moments: &Moments, vicinity: &Vicinity<'_>) -> Option<Self> {
         let (spacing, cell) = (vicinity.spacing, &vicinity.scratch.cell);
         let security = cell.security_squared();
         let near = (NEAR_IN_SPACINGS * spacing).powi(2);
@@ -51,6 +45,8 @@ impl FollowedCell {
         if !is_bounded || !is_nearly_flat(&fit.patch, spacing) {
             return None;
         }
+        // The nearest site shares an edge where all are sites of one surface.
+        let nearest = vicinity.nearest_linked()?;
         let positions = vicinity.neighborhoods.positions();
         Some(Self {
             centroid: moments.centroid,
@@ -58,7 +54,7 @@ impl FollowedCell {
                 positions[neighbor as usize]
             }),
             attention: security.min(near),
-            nearest: nearest.unwrap_or(0.0),
+            nearest,
             drift: 0.0,
         })
     }

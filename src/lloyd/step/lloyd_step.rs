@@ -46,7 +46,7 @@ pub(crate) struct Step {
     pub(crate) links: Links,
     /// Whether those sites do not bound the cell all around.
     pub(crate) is_open: bool,
-    /// Distance to the nearest other site (CRS units).
+    /// Distance to the nearest other site (CRS units), for figures.
     pub(crate) nearest: Option<f64>,
     /// How far the site may move in any direction and keep clear of its neighbours (CRS
     /// units).
@@ -159,12 +159,14 @@ impl Step {
     /// Computes the step from the position of the site to its centroid.
     pub(crate) fn advance(&mut self, iteration: Iteration<'_>, mut vicinity: Vicinity<'_>) {
         // Where nothing moves, the nearest other site of a settled one stays what it was.
-        if self.is_settled && vicinity.is_still() {
+        if self.is_settled && vicinity.is_near(self.nearest) && vicinity.is_still() {
             return;
         }
         if !self.follow(iteration, &mut vicinity) {
             let moments = self.clip(iteration.surface, &mut vicinity);
-            self.step_to_centroid(moments, iteration, vicinity);
+            self.step_to_centroid(moments, iteration, &mut vicinity);
+            self.nearest =
+                vicinity.nearest_within(FARTHEST_NEIGHBOR_IN_SPACINGS * vicinity.spacing);
         }
     }
 
@@ -189,6 +191,9 @@ impl Step {
             .map(|neighbor| (positions[neighbor as usize] - position).norm_squared())
             .min_by(f64::total_cmp)
             .map(f64::sqrt);
+        if is_doubtful(fit, self.is_open) {
+            vicinity.widen_clearance();
+        }
         let (target, free) = followed.step(fit, &self.links, vicinity);
         (self.target, self.free) = if fit.allows(target, iteration.surface) {
             (target, free)
@@ -203,7 +208,7 @@ impl Step {
         &mut self,
         moments: Option<Moments>,
         iteration: Iteration<'_>,
-        mut vicinity: Vicinity<'_>,
+        vicinity: &mut Vicinity<'_>,
     ) {
         let Iteration {
             surface,
@@ -212,16 +217,10 @@ impl Step {
         } = iteration;
         let (position, spacing) = (vicinity.position, surface.spacing());
         self.reset(position);
+        // Without a patch the site stays, whatever its cell.
         let Some(fit) = self.fit.as_deref_mut() else {
-            // The site stays, whatever its cell. The distance of the few that are far from all
-            // others is computed once.
-            vicinity.find_near();
-            let near = vicinity.scratch.nearest().or(self.nearest);
-            let farthest = FARTHEST_NEIGHBOR_IN_SPACINGS * spacing;
-            self.nearest = near.or_else(|| vicinity.nearest_within(farthest));
             return;
         };
-        self.nearest = vicinity.scratch.nearest();
         let cell = &vicinity.scratch.cell;
         self.links = Links::new(cell.neighbors());
         self.is_open = !cell.is_closed();
@@ -239,11 +238,14 @@ impl Step {
         let Some(moments) = moments else {
             return;
         };
-        if let Some(followed) = FollowedCell::new(fit, &moments, self.nearest, &vicinity) {
+        if let Some(followed) = FollowedCell::new(fit, &moments, vicinity) {
             self.is_followed = true;
             put(&mut self.followed, Some(followed));
         }
         // IV-B, IV-D, IV-E: the centroid, on the patch, near the scan.
+        if is_doubtful(fit, self.is_open) {
+            vicinity.widen_clearance();
+        }
         let towards = fit.step_towards(moments.centroid, position);
         let target = vicinity.keeping_clear(position + towards);
         if fit.allows(target, surface) {
@@ -251,6 +253,12 @@ impl Step {
             self.free = vicinity.free_radius();
         }
     }
+}
+
+/// Whether the centroid of a cell is doubtful: its patch is trusted in part only, or `is_open`,
+/// neighbours do not bound it all around. What is beyond is unknown, or does not move.
+fn is_doubtful(fit: &Fit, is_open: bool) -> bool {
+    is_open || fit.trust < 1.0
 }
 
 /// Makes `value` the contents of `place`, in the memory of the former contents.

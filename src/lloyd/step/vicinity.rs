@@ -23,6 +23,13 @@ use crate::{
 /// have one patch.
 const CLEARANCE_IN_SPACINGS: f64 = 0.7;
 
+/// The clearance of a site whose centroid is doubtful is wider by this factor. Such sites draw up to
+/// neighbours that stand still, and away from where none are: the energy of each cell on its patch
+/// falls, and the distances become less even with each iteration. With the clearance of others δ
+/// rose by more than 1 % from its least value in 15 of 18 cases of real scans, by up to 15 %. A
+/// wider clearance costs energy: with 0.9 spacings up to half a percent more than with 0.88.
+const DOUBTFUL_CLEARANCE_FACTOR: f64 = 0.88 / CLEARANCE_IN_SPACINGS;
+
 /// The clearance between sites (CRS units). Seeds of the rules without election start in
 /// clumps, which a clearance would keep from spreading.
 pub(crate) fn clearance(options: &SolverOptions) -> f64 {
@@ -56,7 +63,7 @@ pub(crate) struct Vicinity<'a> {
     pub(crate) position: Local,
     /// The spacing of the output (CRS units).
     pub(crate) spacing: f64,
-    /// No step brings two sites nearer to each other than this (CRS units).
+    /// The step does not bring the site nearer to another than this (CRS units).
     pub(crate) clearance: f64,
     pub(crate) neighborhoods: &'a Neighborhoods,
     /// The sites of the block of the site.
@@ -163,6 +170,13 @@ impl Vicinity<'_> {
             cell, neighbors, ..
         } = &mut *self.scratch;
         cell.clip(patch, self.position, reach, neighbors);
+    }
+
+    /// Whether neighbours bound the cell all around, and none is too far to be found that could cut
+    /// it further: on a patch that bends much a cell may have corners anywhere.
+    pub(crate) fn has_closed_cell(&self) -> bool {
+        let cell = &self.scratch.cell;
+        cell.is_closed() && cell.security_squared() <= (FAR_IN_SPACINGS * self.spacing).powi(2)
     }
 
     /// Clips the cell by the neighbours farther than near that could cut it.
@@ -341,9 +355,35 @@ impl Vicinity<'_> {
             .map_or(0.0, |nearest| self.room(nearest))
     }
 
+    /// Widens the clearance to that of a site whose centroid is doubtful.
+    pub(super) fn widen_clearance(&mut self) {
+        self.clearance *= DOUBTFUL_CLEARANCE_FACTOR;
+    }
+
     /// How far the site may move towards a neighbour at `distance` (CRS units).
     pub(super) fn room(&self, distance: f64) -> f64 {
         0.5 * (distance - self.clearance).max(0.0)
+    }
+
+    /// Whether `distance` (CRS units) is that of a near site.
+    pub(super) fn is_near(&self, distance: Option<f64>) -> bool {
+        distance.is_some_and(|distance| distance <= NEAR_IN_SPACINGS * self.spacing)
+    }
+
+    /// Distance to the nearest other site (CRS units), if it shares an edge of the cell that was
+    /// clipped last.
+    pub(super) fn nearest_linked(&self) -> Option<f64> {
+        let nearest = self.scratch.nearest()?;
+        let mut links = self.scratch.cell.neighbors();
+        let distance = |link| {
+            self.neighborhoods
+                .neighbor(self.site, link)
+                .distance_squared
+                .sqrt()
+        };
+        links
+            .any(|link| distance(link) <= nearest)
+            .then_some(nearest)
     }
 
     /// Distance to the nearest other site, if one lies within `radius` (CRS units).
