@@ -102,6 +102,9 @@ fn a_job_on_a_file_gives_the_points_of_the_library() {
     compare(&scan, &["--count", "8000"], |scale| {
         Options::with_count(8000).scale(scale)
     });
+    compare(&scan, &["--count", "7777", "--exact"], |scale| {
+        Options::with_count(7777).exact().scale(scale)
+    });
     let several = [
         "--ratio", "0.05", "--fill", "0", "--smooth", "0.8", "--seeds", "poisson",
     ];
@@ -126,9 +129,9 @@ fn the_source_is_the_nearest_input_point() {
 
 #[test]
 fn a_sphere_is_a_closed_surface_of_known_area_and_curvature() {
-    let even = resample(sphere(60_000), &Options::with_count(2000)).unwrap();
+    let even = resample(sphere(60_000), &Options::with_count(2000).exact()).unwrap();
     let count = even.points.len();
-    assert!((1940..=2060).contains(&count), "{count} points");
+    assert_eq!(count, 2000);
     let area: f64 = even.areas.iter().sum();
     assert!((area / (2.0 * TAU) - 1.0).abs() < 0.01, "area {area}");
     let mut mutual = 0;

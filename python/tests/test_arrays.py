@@ -121,6 +121,7 @@ def test_every_option_is_passed_on() -> None:
     with_hole = SCAN[np.linalg.norm(SCAN[:, :2] - 1, axis=1) > 0.15]
     filled = [len(lloydar.resample(with_hole, spacing=0.1, fill=width)) for width in (0, 0.5)]
     assert filled[0] < filled[1]
+    assert [len(lloydar.resample(SCAN, count=count, exact=True)) for count in (321, 543)] == [321, 543]
 
 
 def test_it_says_what_it_is() -> None:

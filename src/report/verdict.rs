@@ -27,7 +27,7 @@ const LEAST_ON_SURFACES: f64 = 0.5;
 /// From this energy on points are not uniform: Poisson-disk thinning of a sphere has it, without any iteration.
 const ENERGY_OF_THINNING: f64 = 1.12;
 /// Nor are they if fewer cells have areas within a quarter of the mean than Poisson-disk thinning of a sphere leaves.
-const EVEN_CELLS_OF_THINNING: f64 = 0.9;
+const EVEN_CELLS_OF_THINNING: f64 = 0.92;
 /// The greatest mean distance from the output to the input, in spacings.
 const LARGEST_MEAN_DISTANCE_IN_SPACINGS: f64 = 0.25;
 /// The greatest share of the input that is farther than 1.5 spacings from the output.
