@@ -241,12 +241,6 @@ impl Cell {
             .fold(0.0, f64::max)
     }
 
-    /// The corner that is farthest from the site, in the frame of the patch, seen from the site.
-    pub(crate) fn farthest_corner(&self) -> Option<Local> {
-        let corners = self.corners().iter().map(|corner| corner.position);
-        corners.max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()))
-    }
-
     /// Square of the security radius: no site farther away than this can cut
     /// the cell as it is.
     #[inline]

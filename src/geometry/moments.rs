@@ -16,6 +16,12 @@ pub struct Moments {
 }
 
 impl Cell {
+    /// The corner that is farthest from the site, in the frame of the patch, seen from the site.
+    pub(crate) fn farthest_corner(&self) -> Option<Local> {
+        let corners = self.sides().map(|(corner, _)| corner);
+        corners.max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()))
+    }
+
     /// The moments of the cell of `site` on `patch`; `None` if nothing is left of the cell.
     pub fn moments(&self, patch: &Patch, site: Local) -> Option<Moments> {
         let foot = lift(&patch.heights_from(site), 0.0, 0.0);

@@ -147,7 +147,7 @@ impl Candidates {
     }
 }
 
-/// Those of `candidates` at home in `core` that come before all others within `radius` (CRS units).
+/// The candidates at home in `core` that come before all others within `radius` (CRS units).
 fn first_around(candidates: &[Candidate], core: &Rect, radius: f64) -> Vec<Candidate> {
     let positions: Vec<Local> = candidates.iter().map(|c| c.position).collect();
     let grid = NeighborGrid::new(&positions, radius);

@@ -76,8 +76,9 @@ mod tests {
     use crate::{
         geometry::{Local, Quantization, Rect, Stored, spread},
         lloyd::{
-            Acceleration, Candidates, CountCorrection, ResumedSites, Scan, SiteState, TileRegion,
-            WantedCount, candidate_band, elect, solve_first_round, solve_last_round, solve_watched,
+            Acceleration, Candidates, CountCorrection, ResumedSites, Scan, Site, SiteState,
+            TileRegion, WantedCount, candidate_band, elect, solve_first_round, solve_last_round,
+            solve_watched,
         },
     };
 
@@ -134,6 +135,79 @@ mod tests {
         }
     }
 
+    /// The scan of the `points` that are available.
+    fn scan_of(points: &[Stored], available: &Rect, options: &SolverOptions) -> Scan {
+        let points = points.iter().copied().filter(|&p| available.contains(p));
+        Scan::new(points.collect(), QUANTIZATION, options)
+    }
+
+    fn go_on(_: f64) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
+    /// The sites of three tiles that do the first round, and then each the last by what its neighbours have left.
+    fn sites_of_three_tiles(
+        points: &[Stored],
+        options: &SolverOptions,
+        wanted: Option<WantedCount>,
+    ) -> Vec<Site> {
+        let [first, last] = options.two_rounds();
+        let halo = first.halo(options) + candidate_band(options);
+        let halo = halo.max(last.halo(options));
+        let cuts = [-10_000, 17_000, 41_000, 70_000];
+        let regions: Vec<TileRegion> = cuts
+            .windows(2)
+            .map(|cut| region(cut[0], cut[1], halo))
+            .collect();
+        let (mut states, mut filling) = (Vec::new(), Vec::new());
+        let mut candidates: Vec<Candidates> = Vec::new();
+        for region in &regions {
+            let scan = scan_of(points, &region.available, options);
+            let has_count = wanted.is_some();
+            let started = solve_first_round(&scan, region, options, has_count, &go_on);
+            let started = started.unwrap();
+            states.extend(started.states);
+            candidates.push(started.candidates);
+            let own = scan.filling().iter().filter(|&&p| region.core.contains(p));
+            filling.extend(own);
+        }
+        let correction = wanted.map_or_else(CountCorrection::default, |wanted| {
+            let sites = candidates.iter().map(|of_tile| of_tile.sites).sum();
+            let parts = candidates.iter().cloned().map(Ok::<_, ()>);
+            CountCorrection::choose(wanted, sites, parts, options).unwrap()
+        });
+        // What is not written is made again.
+        let states = postcard::to_stdvec(&states).unwrap();
+        let mut sites = Vec::new();
+        for region in &regions {
+            let mut known: Vec<SiteState> = postcard::from_bytes(&states).unwrap();
+            known.retain(|state| region.available.contains(state.identity));
+            let places = known.iter().map(|state| (state.identity, state.position));
+            let coming = correction.coming().iter().copied();
+            let coming = coming.filter(|(place, _)| region.available.contains(*place));
+            let places = places.chain(coming).collect();
+            let mut resumed = ResumedSites::new(places, options.spacing, &correction);
+            resumed.add(known);
+            let in_reach = |p: &Stored| region.available.contains(*p);
+            let scan = Scan::filled_with(
+                filling.iter().copied().filter(in_reach).collect(),
+                points
+                    .iter()
+                    .copied()
+                    .filter(in_reach)
+                    .collect::<Vec<_>>()
+                    .into(),
+                QUANTIZATION,
+                options,
+            );
+            let solution = solve_last_round(&scan, region, options, resumed, &go_on).unwrap();
+            let own = solution.sites.into_iter();
+            sites.extend(own.filter(|site| region.core.contains(site.identity)));
+        }
+        sites.sort_unstable_by_key(|site| site.identity);
+        sites
+    }
+
     /// The first round on the whole cloud, and on three tiles, each of which then does the last
     /// round by what its neighbours have left.
     #[test]
@@ -155,17 +229,12 @@ mod tests {
                 iterations,
                 ..SolverOptions::new(0.06)
             };
-            let scan_of = |available: &Rect| {
-                let points = points.iter().copied().filter(|&p| available.contains(p));
-                Scan::new(points.collect(), QUANTIZATION, &options)
-            };
             let whole = region(-10_000, 70_000, 0.0);
-            let scan = scan_of(&whole.available);
+            let scan = scan_of(&points, &whole.available, &options);
             let wanted = more.map(|more: i64| WantedCount {
                 sites: (elect(&scan, &options).identities.len() as i64 + more) as u64,
                 is_exact: true,
             });
-            let go_on = |_: f64| ControlFlow::Continue(());
             let expected = solve_watched(&scan, &whole, &options, wanted, &go_on).unwrap();
             if let Some(wanted) = wanted {
                 assert_eq!(expected.sites.len() as u64, wanted.sites);
@@ -173,60 +242,7 @@ mod tests {
             assert!(expected.sites.iter().any(|site| site.is_fixed));
             assert!(!scan.filling().is_empty());
 
-            let [first, last] = options.two_rounds();
-            let halo = first.halo(&options) + candidate_band(&options);
-            let halo = halo.max(last.halo(&options));
-            let cuts = [-10_000, 17_000, 41_000, 70_000];
-            let regions: Vec<TileRegion> = cuts
-                .windows(2)
-                .map(|cut| region(cut[0], cut[1], halo))
-                .collect();
-            let (mut states, mut filling) = (Vec::new(), Vec::new());
-            let mut candidates: Vec<Candidates> = Vec::new();
-            for region in &regions {
-                let scan = scan_of(&region.available);
-                let has_count = wanted.is_some();
-                let started = solve_first_round(&scan, region, &options, has_count, &go_on);
-                let started = started.unwrap();
-                states.extend(started.states);
-                candidates.push(started.candidates);
-                let own = scan.filling().iter().filter(|&&p| region.core.contains(p));
-                filling.extend(own);
-            }
-            let correction = wanted.map_or_else(CountCorrection::default, |wanted| {
-                let sites = candidates.iter().map(|of_tile| of_tile.sites).sum();
-                let parts = candidates.iter().cloned().map(Ok::<_, ()>);
-                CountCorrection::choose(wanted, sites, parts, &options).unwrap()
-            });
-            // What is not written is made again.
-            let states = postcard::to_stdvec(&states).unwrap();
-            let mut sites = Vec::new();
-            for region in &regions {
-                let mut known: Vec<SiteState> = postcard::from_bytes(&states).unwrap();
-                known.retain(|state| region.available.contains(state.identity));
-                let places = known.iter().map(|state| (state.identity, state.position));
-                let coming = correction.coming().iter().copied();
-                let coming = coming.filter(|(place, _)| region.available.contains(*place));
-                let places = places.chain(coming).collect();
-                let mut resumed = ResumedSites::new(places, options.spacing, &correction);
-                resumed.add(known);
-                let in_reach = |p: &Stored| region.available.contains(*p);
-                let scan = Scan::filled_with(
-                    filling.iter().copied().filter(in_reach).collect(),
-                    points
-                        .iter()
-                        .copied()
-                        .filter(in_reach)
-                        .collect::<Vec<_>>()
-                        .into(),
-                    QUANTIZATION,
-                    &options,
-                );
-                let solution = solve_last_round(&scan, region, &options, resumed, &go_on).unwrap();
-                let own = solution.sites.into_iter();
-                sites.extend(own.filter(|site| region.core.contains(site.identity)));
-            }
-            sites.sort_unstable_by_key(|site| site.identity);
+            let sites = sites_of_three_tiles(&points, &options, wanted);
             assert_eq!(sites.len(), expected.sites.len());
             for (site, expected) in sites.iter().zip(&expected.sites) {
                 assert_eq!(site.identity, expected.identity);

@@ -147,7 +147,7 @@ impl UniformityTally {
     }
 
     /// Adds a site's distance to its nearest neighbour (CRS units).
-    pub fn push_distance(&mut self, distance: f64) {
+    pub(crate) fn push_distance(&mut self, distance: f64) {
         let last = self.bins.len() - 1;
         let bin = (distance / self.spacing * BINS_PER_SPACING) as usize;
         let bin = &mut self.bins[bin.min(last)];

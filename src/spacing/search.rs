@@ -41,7 +41,7 @@ const TOLERANCE: f64 = 0.004;
 /// Error below which the spacing is corrected and not tried again: over so short a way the count is a power
 /// of the spacing.
 const CORRECTABLE: f64 = 0.08;
-/// The same where the parts are the whole cloud, so that trying again brings it to the count.
+/// Error below which the spacing is corrected where the drawn parts are the whole cloud, and trying again brings it nearer.
 const CORRECTABLE_OF_ALL: f64 = 0.01;
 /// Error of the first parts below which the next trial is of all parts.
 const NEAR_FOR_FIRST_PARTS: f64 = 0.3;
