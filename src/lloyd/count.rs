@@ -10,8 +10,8 @@ use std::{cmp::Ordering, fmt};
 
 use serde::{Deserialize, Serialize};
 
-use super::{options::SolverOptions, site::Site};
-use crate::geometry::{Local, NeighborGrid, Quantization, Rect, Stored};
+use super::{options::SolverOptions, site::Site, surface::Surface};
+use crate::geometry::{Local, NeighborGrid, Rect, Stored};
 
 /// The number of sites that a cloud is to have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,6 +52,10 @@ const LEAVING_APART_IN_SPACINGS: f64 = 1.5;
 /// No site comes nearer to another, be it on another surface: sites that no patch moves would stay as near.
 const LEAST_ROOM_IN_SPACINGS: f64 = 0.55;
 
+/// Where no cell has a corner, on leaves and wires, one site in so many looks for the sample of the scan around it that has most
+/// room. Such places are taken when there are no others left.
+const SITES_FOR_SAMPLE: u64 = 4;
+
 /// No two sites that come are nearer to each other.
 const COMING_APART_IN_SPACINGS: f64 = 1.0;
 
@@ -72,8 +76,8 @@ pub(super) type SiteWithCorner = (Site, Option<Local>);
 /// A site that may leave, or a place where one may come: the smaller the rank, the sooner.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Candidate {
-    /// The area of the cell of a site that leaves (CRS units squared), or less the distance from a place to the nearest
-    /// site (CRS units). Of sites without a bounded cell it is infinite.
+    /// The area of the cell of a site that leaves (CRS units squared), infinite for one without a bounded cell; or less the
+    /// distance from a place to the nearest site (CRS units), its inverse if the place is not a corner of a cell.
     rank: f64,
     /// Decides between equal ranks.
     priority: u64,
@@ -105,12 +109,8 @@ pub(crate) struct Candidates {
 
 impl Candidates {
     /// The candidates of `core` among `sites`, which contain all sites of its band.
-    pub(super) fn of(
-        sites: &[SiteWithCorner],
-        core: &Rect,
-        quantization: &Quantization,
-        options: &SolverOptions,
-    ) -> Self {
+    pub(super) fn of(sites: &[SiteWithCorner], core: &Rect, surface: Surface<'_>) -> Self {
+        let Surface { scan, options } = surface;
         let positions: Vec<Local> = sites.iter().map(|(site, _)| site.position).collect();
         let grid = NeighborGrid::new(&positions, options.spacing);
         let leaving = |(site, _): &SiteWithCorner| Candidate {
@@ -119,14 +119,25 @@ impl Candidates {
             identity: site.identity,
             position: site.position,
         };
+        let room = |position: Local| {
+            let nearest = grid.nearest(position, options.spacing, |_| false);
+            nearest.map_or(0.0, |(_, squared)| squared.sqrt())
+        };
         let coming = |(site, corner): &SiteWithCorner| {
-            let position = (*corner)?;
-            let (_, squared) = grid.nearest(position, options.spacing, |_| false)?;
-            let distance = squared.sqrt();
+            let priority = site.identity.priority(options.seed);
+            let (position, distance) = match corner {
+                Some(corner) => (*corner, room(*corner)),
+                None if priority % SITES_FOR_SAMPLE == 0 => roomiest_sample(surface, site, room)?,
+                None => return None,
+            };
+            let rank = match corner {
+                Some(_) => -distance,
+                None => distance.recip(),
+            };
             (distance >= LEAST_ROOM_IN_SPACINGS * options.spacing).then_some(Candidate {
-                rank: -distance,
-                priority: site.identity.priority(options.seed),
-                identity: quantization.stored(position)?,
+                rank,
+                priority,
+                identity: scan.quantization().stored(position)?,
                 position,
             })
         };
@@ -145,6 +156,23 @@ impl Candidates {
             coming: first_around(&coming, core, COMING_APART_IN_SPACINGS * options.spacing),
         }
     }
+}
+
+/// The sample of `scan` near `site` that has most `room` to the sites around it, and that room (CRS units).
+fn roomiest_sample(
+    surface: Surface<'_>,
+    site: &Site,
+    room: impl Fn(Local) -> f64,
+) -> Option<(Local, f64)> {
+    let mut samples = Vec::new();
+    let grid = surface.scan.samples();
+    grid.gather(site.position, surface.spacing(), &mut samples);
+    let samples = samples.into_iter().map(|sample| (sample, room(sample)));
+    // The position decides between equals: the order of samples depends on the tile.
+    samples.max_by(|(a, room_a), (b, room_b)| {
+        let by_room = room_a.total_cmp(room_b);
+        by_room.then_with(|| a.iter().partial_cmp(b.iter()).unwrap_or(Ordering::Equal))
+    })
 }
 
 /// The candidates at home in `core` that come before all others within `radius` (CRS units).

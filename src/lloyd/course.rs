@@ -166,9 +166,8 @@ impl<'a> Course<'a> {
 
     /// The sites of the core that may leave, and the places there where sites may come.
     pub(super) fn candidates(&mut self) -> Candidates {
-        let quantization = *self.sites.surface.quantization();
         let sites = self.sites.describe_with_corners();
-        Candidates::of(&sites, &self.region.core, &quantization, self.options)
+        Candidates::of(&sites, &self.region.core, self.sites.surface)
     }
 
     /// The course with those sites that `wanted` are, of a cloud of which all sites are known. Between two rounds it would

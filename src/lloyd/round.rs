@@ -222,6 +222,8 @@ mod tests {
             (Acceleration::Relaxation, 12, Some(-300)),
             (Acceleration::Relaxation, 12, Some(201)),
             (Acceleration::None, 8, Some(1)),
+            // More than cells have corners for.
+            (Acceleration::None, 6, Some(1000)),
         ];
         for (acceleration, iterations, more) in cases {
             let options = SolverOptions {
