@@ -52,7 +52,7 @@ struct DensityOptions {
     ratio: Option<Share>,
     /// Meet --count or --ratio exactly [default: within 0.3 %]
     #[arg(long)]
-    #[serde(skip_serializing_if = "is_false")]
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
     exact: bool,
 }
 
@@ -72,7 +72,7 @@ struct ResourceOptions {
     job: Option<PathBuf>,
     /// Keep the job directory after success
     #[arg(long)]
-    #[serde(skip_serializing_if = "is_false")]
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
     keep_job: bool,
 }
 
@@ -135,7 +135,7 @@ struct InputOptions {
     drop_class: Option<Vec<u8>>,
     /// Leave out points with the flag "withheld"
     #[arg(long)]
-    #[serde(skip_serializing_if = "is_false")]
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
     drop_withheld: bool,
     /// Keep only the points in a rectangle: xmin,ymin,xmax,ymax
     #[arg(long, value_name = "SIDES", allow_hyphen_values = true)]
@@ -196,12 +196,8 @@ struct OutputOptions {
     trajectory: Option<PathBuf>,
     /// Replace an existing output
     #[arg(long)]
-    #[serde(skip_serializing_if = "is_false")]
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
     overwrite: bool,
-}
-
-fn is_false(flag: &bool) -> bool {
-    !flag
 }
 
 /// Reads a choice between rules by the name that it has in a configuration file.

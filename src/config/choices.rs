@@ -38,12 +38,12 @@ pub(crate) enum OnBadFile {
 pub(crate) struct Choices {
     /// The spacing of the output.
     pub(crate) spacing: Option<Length>,
-    /// The approximate number of points of the output.
+    /// The number of points of the output.
     pub(crate) count: Option<Count>,
-    /// The approximate number of points of the output over that of the input.
+    /// The number of points of the output over that of the input.
     pub(crate) ratio: Option<Share>,
     /// Whether the count is met exactly.
-    #[serde(skip_serializing_if = "is_false")]
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(crate) exact: bool,
     /// The peak memory.
     pub(crate) memory: Option<Bytes>,
@@ -52,7 +52,7 @@ pub(crate) struct Choices {
     /// The job directory.
     pub(crate) job: Option<PathBuf>,
     /// Whether the job directory stays after success.
-    #[serde(skip_serializing_if = "is_false")]
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(crate) keep_job: bool,
     /// The number of Lloyd iterations.
     pub(crate) iterations: Option<u32>,
@@ -79,7 +79,7 @@ pub(crate) struct Choices {
     /// The classes to leave out.
     pub(crate) drop_class: Option<Vec<u8>>,
     /// Whether points with the flag "withheld" are left out.
-    #[serde(skip_serializing_if = "is_false")]
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(crate) drop_withheld: bool,
     /// The rectangle whose points are kept.
     pub(crate) bounds: Option<Sides>,
@@ -106,10 +106,6 @@ pub(crate) struct Choices {
     /// What the job does about inputs that cannot be read.
     pub(crate) on_bad_file: Option<OnBadFile>,
     /// Whether an existing output is replaced.
-    #[serde(skip_serializing_if = "is_false")]
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(crate) overwrite: bool,
-}
-
-fn is_false(flag: &bool) -> bool {
-    !flag
 }

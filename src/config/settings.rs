@@ -21,7 +21,7 @@ pub(crate) struct Settings {
     /// How dense the output is to be.
     pub(crate) target: Target,
     /// Whether a count is met exactly.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub(crate) exact: bool,
     /// The memory and the threads that the job may use.
     #[serde(flatten)]
@@ -93,10 +93,6 @@ pub(crate) struct MeshSettings {
     pub(crate) scanners: Vec<[f64; 3]>,
     /// The file with the way of a moving scanner.
     pub(crate) trajectory: Option<PathBuf>,
-}
-
-fn is_false(flag: &bool) -> bool {
-    !flag
 }
 
 impl Settings {

@@ -16,10 +16,11 @@ pub struct Moments {
 }
 
 impl Cell {
-    /// The corner that is farthest from the site, in the frame of the patch, seen from the site.
-    pub(crate) fn farthest_corner(&self) -> Option<Local> {
+    /// The corner of the cell of `site` on `patch` that is farthest from the site.
+    pub(crate) fn farthest_corner(&self, patch: &Patch, site: Local) -> Option<Local> {
         let corners = self.sides().map(|(corner, _)| corner);
-        corners.max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()))
+        let farthest = corners.max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()));
+        farthest.map(|corner| patch.seen_from(site, corner))
     }
 
     /// The moments of the cell of `site` on `patch`; `None` if nothing is left of the cell.
@@ -44,7 +45,7 @@ impl Cell {
         let c = weighted / area;
         Some(Moments {
             area,
-            centroid: site + patch.axes[0] * c.x + patch.axes[1] * c.y + patch.axes[2] * c.z,
+            centroid: patch.seen_from(site, c),
             energy,
         })
     }

@@ -113,6 +113,12 @@ impl Patch {
         self.heights.max_quadratic_term(length)
     }
 
+    /// The position that is seen from `site` in the direction `way` of the patch's frame.
+    #[inline]
+    pub(super) fn seen_from(&self, site: Local, way: Local) -> Local {
+        site + self.axes[0] * way.x + self.axes[1] * way.y + self.axes[2] * way.z
+    }
+
     /// The point of the patch over `(u, v)`.
     #[inline]
     pub(crate) fn point(&self, u: f64, v: f64) -> Local {

@@ -158,7 +158,7 @@ impl Candidates {
     }
 }
 
-/// The sample of `scan` near `site` that has most `room` to the sites around it, and that room (CRS units).
+/// The sample of the scan near `site` that has most `room` to the sites around it, and that room (CRS units).
 fn roomiest_sample(
     surface: Surface<'_>,
     site: &Site,
@@ -235,25 +235,20 @@ impl CountCorrection {
             }
         }
         chosen.sort_unstable_by_key(|candidate| candidate.identity);
-        let positions: Vec<Local> = chosen.iter().map(|c| c.position).collect();
         let reach = DISTURBED_WITHIN_SPACINGS * options.spacing;
-        let places = (most > 0).then(|| NeighborGrid::new(&positions, reach));
+        let positions: Vec<Local> = chosen.iter().map(|c| c.position).collect();
+        let mut correction = Self {
+            places: (most > 0).then(|| NeighborGrid::new(&positions, reach)),
+            reach,
+            ..Self::default()
+        };
         let identities = chosen.iter().map(|c| c.identity);
-        Ok(if excess > 0 {
-            Self {
-                leaving: identities.collect(),
-                coming: Vec::new(),
-                places,
-                reach,
-            }
+        if excess > 0 {
+            correction.leaving = identities.collect();
         } else {
-            Self {
-                leaving: Vec::new(),
-                coming: identities.zip(positions).collect(),
-                places,
-                reach,
-            }
-        })
+            correction.coming = identities.zip(positions).collect();
+        }
+        Ok(correction)
     }
 
     /// Whether the site of `identity` leaves.

@@ -170,8 +170,8 @@ impl<'a> Course<'a> {
         Candidates::of(&sites, &self.region.core, self.sites.surface)
     }
 
-    /// The course with those sites that `wanted` are, of a cloud of which all sites are known. Between two rounds it would
-    /// go on from the same states.
+    /// The course of as many sites as are `wanted`, in a cloud of which all sites are known. It goes on from the states
+    /// that two rounds have between them.
     ///
     /// # Errors
     ///
@@ -187,35 +187,18 @@ impl<'a> Course<'a> {
         let all = candidates.sites;
         let parts = std::iter::once(Ok(candidates));
         let correction = CountCorrection::choose(wanted, all, parts, self.options)?;
-        let Self {
-            options,
-            region,
-            round,
-            cone,
-            next,
-            sites,
-            accelerator,
-            seeds,
-            convergence,
-        } = self;
-        let surface = sites.surface;
-        let states = sites.into_states(accelerator.into_memories());
+        let surface = self.sites.surface;
+        let states = self.sites.into_states(self.accelerator.into_memories());
         let place = |state: &SiteState| (state.identity, state.position);
         let mut known: Vec<(Stored, Local)> = states.iter().map(place).collect();
         known.extend(correction.coming());
-        let mut resumed = ResumedSites::new(known, options.spacing, &correction);
+        let mut resumed = ResumedSites::new(known, self.options.spacing, &correction);
         resumed.add(states);
-        let (sites, memories) = Sites::resume(surface, region, resumed);
+        let (sites, memories) = Sites::resume(surface, self.region, resumed);
         Ok(Self {
-            options,
-            region,
-            round,
-            cone,
-            next,
             sites,
-            accelerator: Accelerator::resume(options.acceleration, memories),
-            seeds,
-            convergence,
+            accelerator: Accelerator::resume(self.options.acceleration, memories),
+            ..self
         })
     }
 

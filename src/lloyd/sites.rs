@@ -214,17 +214,9 @@ impl<'a> Sites<'a> {
             if let Some(wanted) = wanted {
                 let moments = step.clip(surface, &mut vicinity);
                 let site = site(identity, step, moments, &mut vicinity);
-                let is_bounded = site.bounded_area().is_some();
-                let corner = vicinity
-                    .scratch
-                    .cell
-                    .farthest_corner()
-                    .filter(|_| is_bounded);
-                let patch = step.fit.as_ref().map(|fit| fit.patch);
-                let corner = patch.zip(corner).map(|(patch, corner)| {
-                    let [x, y, z] = patch.axes;
-                    site.position + x * corner.x + y * corner.y + z * corner.z
-                });
+                let fit = step.fit.as_ref().filter(|_| site.bounded_area().is_some());
+                let cell = &vicinity.scratch.cell;
+                let corner = fit.and_then(|fit| cell.farthest_corner(&fit.patch, site.position));
                 *wanted = Some((site, corner));
             }
         });

@@ -18,15 +18,16 @@ pub(super) struct Verdict {
     pub(super) figures: String,
 }
 
-/// Points on surfaces are uniform up to this energy, over that of the hexagonal lattice,
+/// The greatest energy of uniform points on surfaces, over that of the hexagonal lattice.
 const LARGEST_ENERGY: f64 = 1.05;
-/// and if this share of their cells have areas within a quarter of the mean.
+/// The least share of the cells of uniform points on surfaces that have areas within a quarter of the mean.
 const LEAST_EVEN_CELLS: f64 = 0.95;
-/// A cloud is uniform if this share of its points stand on surfaces.
+/// The least share of the points of a uniform cloud that stand on surfaces.
 const LEAST_ON_SURFACES: f64 = 0.5;
-/// From this energy on points are not uniform: Poisson-disk thinning of a sphere has it, without any iteration.
+/// The energy of a sphere after Poisson-disk thinning, without any iteration: from here on points are not uniform.
 const ENERGY_OF_THINNING: f64 = 1.12;
-/// Nor are they if fewer cells have areas within a quarter of the mean than Poisson-disk thinning of a sphere leaves.
+/// The share of cells with areas within a quarter of the mean after Poisson-disk thinning: with fewer, points are not
+/// uniform.
 const EVEN_CELLS_OF_THINNING: f64 = 0.92;
 /// The greatest mean distance from the output to the input, in spacings.
 const LARGEST_MEAN_DISTANCE_IN_SPACINGS: f64 = 0.25;

@@ -29,9 +29,29 @@ pub(super) const STARTS: WorkKind = WorkKind {
 /// [`JobError::Io`] or [`TileError::Io`] if the directory or one of the files cannot be read.
 pub(crate) fn files_of_others(dir: &Path) -> Result<FilesOfOthers, JobError> {
     Ok(FilesOfOthers {
-        started: block_files_of(&Claim::all(&STARTS, dir)?)?,
-        solved: block_files_of(&Claim::all(&TILES, dir)?)?,
+        started: block_files(&STARTS, dir)?,
+        solved: block_files(&TILES, dir)?,
     })
+}
+
+/// Opens the files of all attempts at the work of `kind` in the job directory `dir`.
+///
+/// # Errors
+///
+/// [`JobError::Io`] or [`TileError::Io`] if the directory or one of the files cannot be read.
+pub(super) fn block_files(kind: &'static WorkKind, dir: &Path) -> Result<Vec<BlockFile>, JobError> {
+    block_files_of(&Claim::all(kind, dir)?)
+}
+
+/// Opens the files of the `earlier` attempts at a group, and that of `claim`, to which tiles are added.
+///
+/// # Errors
+///
+/// [`TileError::Io`] if one of the files cannot be read, or made.
+pub(super) fn group_files(claim: &Claim, earlier: &[Claim]) -> Result<Vec<BlockFile>, JobError> {
+    let mut files = block_files_of(earlier)?;
+    files.push(BlockFile::open(&claim.path())?);
+    Ok(files)
 }
 
 /// Opens the files of `claims`, with the tiles that are complete by now.

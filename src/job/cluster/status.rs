@@ -107,19 +107,18 @@ impl JobStatus {
             seconds += tiles.figures(tile.id)?.seconds;
         }
         let starts = Claim::all(&STARTS, dir)?;
-        let started = handover.plan.has_two_rounds.then(|| {
-            let begun = StartedTiles::of(block_files_of(&starts)?, 1);
-            let started = plan.tiles.iter().filter(|tile| begun.contains(tile.id));
-            Ok::<_, JobError>(started.count() as u64)
-        });
+        let begun = StartedTiles::of(block_files_of(&starts)?, 1);
+        let begun = plan.tiles.iter().filter(|tile| begun.contains(tile.id));
+        let started = handover.plan.has_two_rounds.then(|| begun.count() as u64);
         let groups = groups(plan);
         let members = |group: usize| {
             let tiles = groups.get(group).into_iter().flatten();
             tiles.map(|tile| tile.id).collect()
         };
-        let mut claimed_groups = claimed(&starts, members);
-        claimed_groups.extend(claimed(&claims, members));
-        let claimed = claimed_groups;
+        let of_kinds = [starts, claims].into_iter();
+        let claimed: Vec<ClaimedGroup> = of_kinds
+            .flat_map(|of_kind| claimed(&of_kind, members))
+            .collect();
         let is_alive = |group: &&ClaimedGroup| {
             group.silent_seconds < MISSED_HEARTBEATS * HEARTBEAT_INTERVAL.as_secs_f64()
         };
@@ -130,7 +129,7 @@ impl JobStatus {
         Ok(Self {
             scattered: None,
             tiles: plan.tiles.len() as u64,
-            started: started.transpose()?,
+            started,
             solved,
             share: cost_done as f64 / cost as f64,
             claimed,

@@ -5,7 +5,7 @@ use std::{path::Path, sync::atomic::AtomicBool};
 
 use super::{
     claims::GROUP_LIMIT,
-    group_files::{STARTS, TILES, block_files_of, files_of_others},
+    group_files::{STARTS, TILES, block_files, group_files},
     handover::Handover,
     worker::Worker,
 };
@@ -24,7 +24,6 @@ use crate::{
         },
     },
     lloyd::CountCorrection,
-    tile::BlockFile,
     tiling::{Plan, Tile},
 };
 
@@ -67,18 +66,14 @@ impl Worker {
                 true => Some(self.start(run, dir, &solver, &groups)?),
                 false => None,
             };
-            let (tiles, solved) = (
-                &plan.plan.tiles,
-                SolvedTiles::of(files_of_others(dir)?.solved),
-            );
+            let solved = SolvedTiles::of(block_files(&TILES, dir)?);
+            let tiles = &plan.plan.tiles;
             let done = tiles.iter().filter(|tile| solved.contains(tile.id)).count();
             progress.begin("solve", tiles.len() as u64, done as u64, Unit::Tiles);
             let watch = counting(progress);
             let given_up = self.share(&TILES, dir, groups.len(), cancel, |claim, earlier| {
                 // Tiles that earlier attempts have completed are not solved again.
-                let mut files = block_files_of(earlier)?;
-                files.push(BlockFile::open(&claim.path())?);
-                let mut solved = SolvedTiles::of(files);
+                let mut solved = SolvedTiles::of(group_files(claim, earlier)?);
                 let mut missing = groups[claim.group].clone();
                 missing.retain(|tile| !solved.contains(tile.id));
                 match &after {
@@ -87,8 +82,9 @@ impl Worker {
                 }?;
                 claim.complete().map(|()| true)
             })?;
+            self.check_given_up(&given_up, &groups, plan)?;
             progress.end();
-            self.check_given_up(&given_up, &groups, plan)
+            Ok(())
         })
     }
 
@@ -103,7 +99,7 @@ impl Worker {
     ) -> Result<(StartedTiles, CountCorrection), JobError> {
         let (progress, tiles) = (run.progress, &solver.plan.plan.tiles);
         let started = || {
-            let files = files_of_others(dir)?.started;
+            let files = block_files(&STARTS, dir)?;
             Ok::<_, JobError>(StartedTiles::of(files, solver.edge_of_pieces()))
         };
         let before = started()?;
@@ -117,16 +113,15 @@ impl Worker {
         };
         let count = groups.len();
         let given_up = worker.share(&STARTS, dir, count, run.cancel, |claim, earlier| {
-            let mut files = block_files_of(earlier)?;
-            files.push(BlockFile::open(&claim.path())?);
+            let files = group_files(claim, earlier)?;
             let mut started = StartedTiles::of(files, solver.edge_of_pieces());
             let mut missing = groups[claim.group].clone();
             missing.retain(|tile| !started.contains(tile.id));
             start_tiles(run, solver, &missing, &mut started, &watch)?;
             claim.complete().map(|()| true)
         })?;
-        progress.end();
         self.check_given_up(&given_up, groups, &solver.plan)?;
+        progress.end();
         let started = started()?;
         let correction = corrected_count(run, solver, &started)?;
         Ok((started, correction))

@@ -43,6 +43,11 @@ const ENDINGS: [&str; 13] = [
     "triangles",
 ];
 
+/// Whether `name` is the name of a file with tiles that are begun, solved or settled.
+pub(crate) fn is_of_tiles(name: &str) -> bool {
+    name.starts_with("tiles") || name.starts_with("starts")
+}
+
 /// Whether `name` is the name of a file that jobs make.
 pub(super) fn is_own(name: &str) -> bool {
     let (stem, ending) = name.split_once('.').unwrap_or((name, ""));

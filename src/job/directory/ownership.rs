@@ -11,7 +11,7 @@ use std::{
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::{
-    file_names::{LEVELS_DIRECTORY, is_own},
+    file_names::{LEVELS_DIRECTORY, is_of_tiles, is_own},
     json_files::{read_json, to_json, write_among_others, write_json},
     stamp::Stamp,
 };
@@ -162,7 +162,6 @@ impl JobDirectory {
 
     /// Removes the results of all tiles, and the file from which other processes would solve them.
     pub(crate) fn forget_tiles(&self) {
-        let is_of_tiles = |name: &str| name.starts_with("tiles") || name.starts_with("starts");
         self.forget(|name| is_of_tiles(name) || name == "handover.json");
     }
 

@@ -12,7 +12,7 @@ use crate::{
     config::Settings,
     geometry::Quantization,
     job::{
-        directory::{DiskNeed, bytes_in, check_room, directory_of},
+        directory::{DiskNeed, bytes_in, check_room, directory_of, is_of_tiles},
         error::JobError,
         progress::Progress,
         resources::{mebibytes, peak_resident},
@@ -157,7 +157,7 @@ fn expected_seconds(
 /// `records` bytes.
 fn check_disks(cloud: &ScatteredCloud<'_>, solved: u64, records: u64) -> Result<(), JobError> {
     let (directory, output) = (cloud.directory.path(), &cloud.run.job.output);
-    let present = bytes_in(directory, |name| name.starts_with("tiles"));
+    let present = bytes_in(directory, is_of_tiles);
     let is_compressed = output
         .extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("laz"));
