@@ -14,7 +14,7 @@ use crate::{
         Places, Share, Sides,
     },
     geometry::PatchKind,
-    lloyd::{Acceleration, SeedRule},
+    lloyd::{Acceleration, IsolatedRule, SeedRule},
     mesh::MeshedPoints,
 };
 
@@ -105,6 +105,9 @@ struct SolverFlags {
     /// of the scan if that is coarser]
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
     fill: Option<Length>,
+    /// Isolated returns, such as rain, birds and echoes: keep, drop, or mark (class 7, noise) [default: keep]
+    #[arg(long, value_name = "RULE", value_parser = by_name::<IsolatedRule>)]
+    isolated: Option<IsolatedRule>,
     /// Seed of every random choice [default: 0]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     seed: Option<u64>,
@@ -354,7 +357,7 @@ mod tests {
             .get_arguments()
             .filter_map(|o| o.get_long())
             .collect();
-        assert_eq!(names.len(), 34);
+        assert_eq!(names.len(), 35);
         for name in names {
             let known = toml::from_str::<Choices>(&format!("{name} = {{}}"));
             let error = known.unwrap_err().to_string();

@@ -29,6 +29,9 @@ pub(super) struct Simulation {
     /// Standard deviation of the ranges in metres
     #[arg(long, value_name = "LENGTH", default_value_t = 0.01)]
     noise: f64,
+    /// Points that are strays (rain, echoes, beams that meet two surfaces; class 7), as a share of all points
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
+    strays: f64,
     /// Seed of the street and of the noise
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -52,10 +55,12 @@ pub(super) fn write_simulation(
     // Written so that NaN is refused.
     let is_street = (20.0..=1e6).contains(&simulation.length)
         && (1..=100).contains(&simulation.passes)
-        && (0.0..=1.0).contains(&simulation.noise);
+        && (0.0..=1.0).contains(&simulation.noise)
+        && (0.0..=0.5).contains(&simulation.strays);
     if !is_street {
         return Err(JobError::Refused(
-            "a street is 20 m to 1000 km long, driven down 1 to 100 times, with a noise of 0 to 1 m"
+            "a street is 20 m to 1000 km long, driven down 1 to 100 times, with a noise of 0 to 1 m and up to half \
+             of its points strays"
                 .into(),
         ));
     }
@@ -64,6 +69,7 @@ pub(super) fn write_simulation(
         passes: simulation.passes,
         points: simulation.points.0,
         noise: simulation.noise,
+        strays: simulation.strays,
         seed: simulation.seed,
     });
     let scans = write_street(&street, output)?;

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     geometry::PatchKind,
-    lloyd::{Acceleration, SeedRule},
+    lloyd::{Acceleration, IsolatedRule, SeedRule},
     mesh::MeshedPoints,
 };
 
@@ -68,6 +68,8 @@ pub(crate) struct Choices {
     pub(crate) smooth: Option<Length>,
     /// The width of the widest hole to close.
     pub(crate) fill: Option<Length>,
+    /// What becomes of isolated returns.
+    pub(crate) isolated: Option<IsolatedRule>,
     /// The edge of square tiles.
     pub(crate) tile_size: Option<Length>,
     /// The width of the halo of a tile.

@@ -7,8 +7,11 @@ use super::{
     stages::{InputCount, plan::JobPlan, views::ResultViews, write::Stitched},
     tile_figures::TileFigures,
 };
-use crate::mesh::MeshFigures;
-use crate::quality::{Uniformity, UniformityTally};
+use crate::{
+    lloyd::IsolatedRule,
+    mesh::MeshFigures,
+    quality::{Uniformity, UniformityTally},
+};
 
 /// The outcome of a job.
 #[derive(Clone, Debug)]
@@ -31,6 +34,8 @@ pub struct Outcome {
     pub(crate) views: ResultViews,
     /// Time, memory and disk of the run, once it has ended.
     pub(crate) costs: RunCosts,
+    /// What became of the isolated returns.
+    pub(crate) isolated: IsolatedRule,
     /// Facts about inputs and points that are worth a line.
     pub(crate) notes: Vec<String>,
 }

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    geometry::Stored,
     quality::{DistanceSums, DistanceTally, UniformityTally},
     tiling::Tile,
 };
@@ -21,6 +22,8 @@ pub(crate) struct TileFigures {
     pub(crate) fixed: u64,
     /// Number of these sites for which the tile contained every point that they depend on.
     pub(crate) exact: u64,
+    /// The identities of the isolated seeds in the core, whatever became of them.
+    pub(crate) isolated: Vec<Stored>,
     /// Nearest distances among points of the input, of approximately as many as there are sites.
     pub(crate) input: UniformityTally,
     /// Uniformity of the seeds.

@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 use super::{
     acceleration::{Accelerator, Iterate},
     count::{Candidates, CountCorrection, WantedCount},
+    isolated::are_isolated,
     options::SolverOptions,
     region::{DependencyCone, TileRegion},
     resumed_sites::ResumedSites,
@@ -47,6 +48,8 @@ pub(super) struct Course<'a> {
     accelerator: Accelerator,
     /// The wanted sites before the first iteration of all, in the order of their identities.
     pub(super) seeds: Vec<Site>,
+    /// The identities of the core's seeds that are isolated, in order; left out of the sites if the options say so.
+    pub(super) isolated: Vec<Stored>,
     /// The distances from the core's sites to their nearest neighbours, at the start of every
     /// iteration of the round.
     pub(super) convergence: Vec<DistanceSums>,
@@ -74,12 +77,24 @@ impl<'a> Course<'a> {
         let all = elect(surface.scan, options);
         consult(ELECTED_SHARE)?;
         let cone = DependencyCone::new(region, &round, options, quantization);
-        let (identities, positions): (Vec<Stored>, Vec<Local>) = all
-            .identities
-            .into_iter()
-            .zip(all.positions)
-            .filter(|&(identity, _)| cone.matters(identity, 0))
-            .unzip();
+        let is_isolated = are_isolated(surface, &all.positions, |seed| {
+            let identity = all.identities[seed];
+            match options.drops_isolated {
+                true => cone.matters(identity, 0),
+                false => region.core.contains(identity),
+            }
+        });
+        let (mut isolated, mut identities, mut positions) = (Vec::new(), Vec::new(), Vec::new());
+        let seeds = all.identities.into_iter().zip(all.positions);
+        for ((identity, position), is_isolated) in seeds.zip(is_isolated) {
+            if is_isolated && region.core.contains(identity) {
+                isolated.push(identity);
+            }
+            if cone.matters(identity, 0) && !(is_isolated && options.drops_isolated) {
+                identities.push(identity);
+                positions.push(position);
+            }
+        }
 
         // The first Lloyd step shares its cells with the figures of the seeds.
         let mut sites = Sites::new(surface, region, &identities, &positions);
@@ -100,6 +115,7 @@ impl<'a> Course<'a> {
             sites,
             accelerator,
             seeds,
+            isolated,
             convergence: Vec::new(),
         })
     }
@@ -123,6 +139,7 @@ impl<'a> Course<'a> {
             sites,
             accelerator: Accelerator::resume(options.acceleration, memories),
             seeds: Vec::new(),
+            isolated: Vec::new(),
             convergence: Vec::new(),
         }
     }

@@ -20,6 +20,7 @@ mod acceleration;
 mod blocks;
 mod count;
 mod course;
+mod isolated;
 mod options;
 mod region;
 mod resumed_sites;
@@ -38,6 +39,7 @@ mod tally;
 
 pub use acceleration::Acceleration;
 pub(crate) use count::{Candidates, CountCorrection, WantedCount, candidate_band};
+pub(crate) use isolated::IsolatedRule;
 pub use options::SolverOptions;
 pub use region::TileRegion;
 pub(crate) use resumed_sites::ResumedSites;

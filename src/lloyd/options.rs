@@ -28,6 +28,8 @@ pub struct SolverOptions {
     pub patch: PatchKind,
     /// How far from the scan a site may move.
     pub restriction: Restriction,
+    /// Whether isolated returns are left out.
+    pub drops_isolated: bool,
     /// Seed of every hash.
     pub seed: u64,
 }
@@ -40,6 +42,13 @@ pub(crate) const FILL_IN_SPACINGS: f64 = 4.0;
 
 /// Bound on the chains of an election, and on the reach of the normals of its lattices.
 const SEED_MARGIN_IN_SPACINGS: f64 = 8.0;
+/// Seeds nearer to each other than this belong together, when isolated ones are sought: on a surface the nearest seed is
+/// hardly ever as far.
+const LINK_IN_SPACINGS: f64 = 1.3;
+/// Radius of the neighbourhood in which seeds may lie on a common plane, in linking distances.
+const PLANE_IN_LINKS: f64 = 2.3;
+/// So many seeds that belong together are never isolated.
+pub(super) const MANY_SEEDS: usize = 4;
 
 impl SolverOptions {
     /// The default options at `spacing` (CRS units).
@@ -55,6 +64,7 @@ impl SolverOptions {
             acceleration: Acceleration::default(),
             patch: PatchKind::default(),
             restriction: Restriction::Local,
+            drops_isolated: false,
             seed: 0,
         }
     }
@@ -69,7 +79,34 @@ impl SolverOptions {
     /// Depth (CRS units) inside the rectangle of available points from which on every tile
     /// elects the same seeds.
     pub(super) fn seed_margin(&self) -> f64 {
+        match self.drops_isolated {
+            true => self.isolation_margin(),
+            false => self.election_margin(),
+        }
+    }
+
+    /// Depth (CRS units) inside the rectangle of available points from which on every tile
+    /// elects the same seeds, if isolated ones stay.
+    fn election_margin(&self) -> f64 {
         SEED_MARGIN_IN_SPACINGS * self.spacing + self.fit_radius + 2.0 * (self.fill + self.smooth)
+    }
+
+    /// Depth (CRS units) inside the rectangle of available points from which on every tile
+    /// finds the same isolated seeds.
+    pub(super) fn isolation_margin(&self) -> f64 {
+        let group = (MANY_SEEDS - 1) as f64 * self.link();
+        self.election_margin() + group + self.plane_radius()
+    }
+
+    /// Seeds nearer to each other (CRS units) belong together. Where more points are requested than were scanned, seeds are
+    /// as far apart as the points are.
+    pub(super) fn link(&self) -> f64 {
+        LINK_IN_SPACINGS * self.spacing * self.seeds_per_point.max(1.0).sqrt()
+    }
+
+    /// Radius (CRS units) of the neighbourhood in which seeds may lie on a common plane.
+    pub(super) fn plane_radius(&self) -> f64 {
+        PLANE_IN_LINKS * self.link()
     }
 
     /// Bound on the distance (CRS units) from a seed to the nearest point of the scan: half of
@@ -81,6 +118,9 @@ impl SolverOptions {
     /// Width of the halo (CRS units) with which tiles agree on the sites that they share: the
     /// reach of all iterations, and that of election and fit.
     pub fn halo(&self) -> f64 {
-        f64::from(self.iterations) * self.reach_of_an_iteration() + self.seed_margin()
+        let of_sites =
+            f64::from(self.iterations) * self.reach_of_an_iteration() + self.seed_margin();
+        // Isolated returns are counted, whatever becomes of them.
+        of_sites.max(self.isolation_margin())
     }
 }

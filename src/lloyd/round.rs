@@ -2,7 +2,7 @@
 //!
 //! A tile sees as far around its core as influence travels until it is done. Twenty iterations
 //! after an election are 42 spacings; where a tile has room for little more, nearly all its work
-//! is that of its neighbours. In two rounds it is 23: first the election and a few iterations,
+//! is that of its neighbours. In two rounds it is 24: first the election and a few iterations,
 //! then, with the sites as the neighbours have left them, the rest.
 //!
 //! ```text
@@ -36,8 +36,13 @@ impl Round {
     /// Width of the halo (CRS units) with which tiles agree on the sites that they share at the
     /// end of the round.
     pub(crate) fn halo(&self, options: &SolverOptions) -> f64 {
-        f64::from(self.iterations.end - self.iterations.start) * options.reach_of_an_iteration()
-            + self.margin
+        let iterations = f64::from(self.iterations.end - self.iterations.start);
+        let of_sites = iterations * options.reach_of_an_iteration() + self.margin;
+        match self.iterations.start {
+            // Isolated returns are counted, whatever becomes of them.
+            0 => of_sites.max(options.isolation_margin()),
+            _ => of_sites,
+        }
     }
 }
 
@@ -106,13 +111,14 @@ mod tests {
         offset: [0.0; 3],
     };
 
-    /// Points of a wavy floor with a gap and a wall, and of leaves over it, on 6 × 2.
+    /// Points of a wavy floor with a gap and a wall, of leaves over it, and of rain, on 6 × 2.
     fn points() -> Vec<Stored> {
         let unit = |k: u64| spread(k) as f64 / u64::MAX as f64;
         let point = |k: u64| {
             let [x, y, z] = [0, 1, 2].map(|axis| unit(3 * k + axis));
             let (x, y) = (6.0 * x, 2.0 * y);
             match k % 10 {
+                0 if k % 200 == 0 => Local::new(x, y, 1.0 + 3.0 * z),
                 0..6 => Local::new(x, y, 0.1 * (2.0 * x).sin() + 0.002 * z),
                 6..8 => Local::new(x, 1.0 + 0.002 * y, z),
                 _ => Local::new(x, 0.5 * y, 0.5 + 0.5 * z),
@@ -145,12 +151,13 @@ mod tests {
         ControlFlow::Continue(())
     }
 
-    /// The sites of three tiles that do the first round, and then each the last by what its neighbours have left.
+    /// The sites of three tiles that do the first round, and then each the last by what its neighbours have left; and
+    /// the isolated seeds of all.
     fn sites_of_three_tiles(
         points: &[Stored],
         options: &SolverOptions,
         wanted: Option<WantedCount>,
-    ) -> Vec<Site> {
+    ) -> (Vec<Site>, Vec<Stored>) {
         let [first, last] = options.two_rounds();
         let halo = first.halo(options) + candidate_band(options);
         let halo = halo.max(last.halo(options));
@@ -159,7 +166,7 @@ mod tests {
             .windows(2)
             .map(|cut| region(cut[0], cut[1], halo))
             .collect();
-        let (mut states, mut filling) = (Vec::new(), Vec::new());
+        let (mut states, mut filling, mut isolated) = (Vec::new(), Vec::new(), Vec::new());
         let mut candidates: Vec<Candidates> = Vec::new();
         for region in &regions {
             let scan = scan_of(points, &region.available, options);
@@ -168,6 +175,7 @@ mod tests {
             let started = started.unwrap();
             states.extend(started.states);
             candidates.push(started.candidates);
+            isolated.extend(started.isolated);
             let own = scan.filling().iter().filter(|&&p| region.core.contains(p));
             filling.extend(own);
         }
@@ -205,7 +213,8 @@ mod tests {
             sites.extend(own.filter(|site| region.core.contains(site.identity)));
         }
         sites.sort_unstable_by_key(|site| site.identity);
-        sites
+        isolated.sort_unstable();
+        (sites, isolated)
     }
 
     /// The first round on the whole cloud, and on three tiles, each of which then does the last
@@ -214,21 +223,22 @@ mod tests {
     fn two_rounds_end_in_the_bits_of_one() {
         let points = points();
         let cases = [
-            (Acceleration::Relaxation, 12, None),
-            (Acceleration::Relaxation, 2, None),
-            (Acceleration::None, 8, None),
-            (Acceleration::None, 0, None),
+            (Acceleration::Relaxation, 12, None, false),
+            (Acceleration::Relaxation, 2, None, true),
+            (Acceleration::None, 8, None, true),
+            (Acceleration::None, 0, None, false),
             // More or fewer than there are seeds.
-            (Acceleration::Relaxation, 12, Some(-300)),
-            (Acceleration::Relaxation, 12, Some(201)),
-            (Acceleration::None, 8, Some(1)),
+            (Acceleration::Relaxation, 12, Some(-300), false),
+            (Acceleration::Relaxation, 12, Some(201), true),
+            (Acceleration::None, 8, Some(1), false),
             // More than cells have corners for.
-            (Acceleration::None, 6, Some(1000)),
+            (Acceleration::None, 6, Some(1000), false),
         ];
-        for (acceleration, iterations, more) in cases {
+        for (acceleration, iterations, more, drops_isolated) in cases {
             let options = SolverOptions {
                 acceleration,
                 iterations,
+                drops_isolated,
                 ..SolverOptions::new(0.06)
             };
             let whole = region(-10_000, 70_000, 0.0);
@@ -244,7 +254,14 @@ mod tests {
             assert!(expected.sites.iter().any(|site| site.is_fixed));
             assert!(!scan.filling().is_empty());
 
-            let sites = sites_of_three_tiles(&points, &options, wanted);
+            let (sites, isolated) = sites_of_three_tiles(&points, &options, wanted);
+            assert!(isolated.len() > 200);
+            assert_eq!(isolated, expected.isolated);
+            let is_there = |seed: &Stored| {
+                let found = sites.binary_search_by_key(seed, |site| site.identity);
+                found.is_ok()
+            };
+            assert!(drops_isolated != isolated.iter().any(is_there));
             assert_eq!(sites.len(), expected.sites.len());
             for (site, expected) in sites.iter().zip(&expected.sites) {
                 assert_eq!(site.identity, expected.identity);

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Acceleration, Restriction, SeedRule, SolverOptions};
+use super::{Acceleration, IsolatedRule, Restriction, SeedRule, SolverOptions};
 use crate::geometry::PatchKind;
 
 /// Settings of the solver that are known before the spacing is. Lengths are CRS units.
@@ -24,6 +24,9 @@ pub(crate) struct SolverSettings {
     pub(crate) fill: Option<f64>,
     /// Seed of every hash.
     pub(crate) seed: u64,
+    /// What becomes of isolated returns.
+    #[serde(default, skip_serializing_if = "IsolatedRule::is_default")]
+    pub(crate) isolated: IsolatedRule,
 }
 
 impl Default for SolverSettings {
@@ -37,6 +40,7 @@ impl Default for SolverSettings {
             smooth: None,
             fill: None,
             seed: 0,
+            isolated: IsolatedRule::default(),
         }
     }
 }
@@ -61,6 +65,7 @@ impl SolverSettings {
             acceleration: self.acceleration,
             patch: self.patch,
             restriction: self.restriction,
+            drops_isolated: self.isolated == IsolatedRule::Drop,
             seed: self.seed,
             ..defaults
         }

@@ -31,6 +31,8 @@ pub struct Solution {
     /// The distances from the core's sites to their nearest neighbours, at the start of every
     /// iteration and after the last.
     pub convergence: Vec<DistanceSums>,
+    /// The identities of the core's seeds that are isolated, in order.
+    pub(crate) isolated: Vec<Stored>,
 }
 
 /// What the first of two rounds leaves of a tile.
@@ -42,6 +44,8 @@ pub(crate) struct FirstRound {
     /// The distances from the core's sites to their nearest neighbours, at the start of every
     /// iteration of the round.
     pub(crate) convergence: Vec<DistanceSums>,
+    /// The identities of the core's seeds that are isolated, in order.
+    pub(crate) isolated: Vec<Stored>,
     /// The sites of the core that may leave, and the places there where sites may come.
     pub(crate) candidates: Candidates,
 }
@@ -128,19 +132,21 @@ pub(crate) fn solve_first_round(
     course.seeds.retain(|seed| in_core(seed.identity));
     let seeds = std::mem::take(&mut course.seeds);
     let convergence = std::mem::take(&mut course.convergence);
+    let isolated = std::mem::take(&mut course.isolated);
     let mut states = course.into_states();
     states.retain(|state| in_core(state.identity));
     Ok(FirstRound {
         states,
         seeds,
         convergence,
+        isolated,
         candidates,
     })
 }
 
 /// Does the last of two rounds on `scan`, for the sites of `region`, with all sites that are known
-/// there, `resumed` as the first round left them. The seeds and the convergence of the first round are
-/// missing from the solution. `monitor` is consulted before every iteration.
+/// there, `resumed` as the first round left them. The seeds, the convergence of the first round and the isolated
+/// seeds are missing from the solution. `monitor` is consulted before every iteration.
 ///
 /// # Errors
 ///
@@ -184,6 +190,7 @@ fn solution(course: Course<'_>, region: &TileRegion, ended: Vec<Site>) -> Soluti
     let Course {
         seeds,
         mut convergence,
+        isolated,
         ..
     } = course;
     convergence.push(nearest_distances(region, &ended));
@@ -191,6 +198,7 @@ fn solution(course: Course<'_>, region: &TileRegion, ended: Vec<Site>) -> Soluti
         sites: ended,
         seeds,
         convergence,
+        isolated,
     }
 }
 

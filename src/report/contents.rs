@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{mesh::MeshReport, squares::AreaMap, tallies::TileTallies};
+use super::{isolated::IsolatedReturns, mesh::MeshReport, squares::AreaMap, tallies::TileTallies};
 use crate::{
     geometry::Quantization,
     job::{InputCount, Outcome, ResourceSample, StageCost},
@@ -35,6 +35,8 @@ pub(crate) struct Report {
     /// The nearest distances, iteration by iteration and in histograms.
     #[serde(flatten)]
     pub(super) nearest: NearestDistances,
+    /// The isolated returns.
+    pub(super) isolated: IsolatedReturns,
     /// The figures of the mesh, if one was written.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) mesh: Option<MeshReport>,
@@ -225,6 +227,7 @@ impl Report {
         let tallies = TileTallies::of(outcome);
         let mut sites = tallies.on_surfaces.clone();
         sites.add(&tallies.elsewhere);
+        let map = AreaMap::of(outcome);
         Self {
             run: RunDescription {
                 version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -263,13 +266,14 @@ impl Report {
                 histogram_input: tallies.input.histogram(BINS, SPANNED),
                 histogram_output: outcome.stitched.all.histogram(BINS, SPANNED),
             },
+            isolated: IsolatedReturns::of(outcome, &map),
             mesh: (outcome.mesh.as_ref().zip(mesh))
                 .map(|(figures, file)| MeshReport::new(figures, &outcome.mesh_levels, file)),
             views: Views {
                 detail: outcome.views.detail.clone(),
                 viewer_sample: outcome.views.viewer_sample.clone(),
                 overview: outcome.views.overview.clone(),
-                map: AreaMap::of(outcome),
+                map,
             },
             worst: worst_rows(outcome),
             tiles: tile_rows(outcome),

@@ -55,6 +55,13 @@ pub(super) fn figures(report: &Report) -> String {
             &[&distance, "mean", "p99", "max", "farther than 1.5 spacings"],
             distances.into_iter(),
         )
+        + &match report.isolated.count {
+            0 => String::new(),
+            _ => format!(
+                "<p>isolated: {}. The map shows where.</p>",
+                report.isolated.in_words()
+            ),
+        }
 }
 
 /// Returns the figures on seams and elsewhere, and how well tiles agree.

@@ -8,12 +8,13 @@
   const says = document.getElementById("map-says");
   const legend = document.getElementById("map-legend");
   const area = data.edge * data.edge;
-  // Columns of a square: column, row, points in, points out, δ, mean distance in spacings.
+  // Columns of a square: column, row, points in, points out, δ, mean distance in spacings, isolated returns.
   const figures = {
     delta: { of: (s) => s[4], name: "δ" },
     output: { of: (s) => s[3] / area, name: "points of the output per square unit" },
     input: { of: (s) => s[2] / area, name: "points of the input per square unit" },
     spacing: { of: (s) => s[5], name: "mean nearest distance in spacings" },
+    isolated: { of: (s) => s[6], name: "isolated returns in a square" },
   };
   const stops = [[38, 70, 140], [40, 130, 160], [90, 170, 120], [220, 190, 70], [235, 120, 40]];
   const size = Math.max(1, Math.min(16, Math.floor(1200 / Math.max(data.columns, data.rows))));
@@ -69,7 +70,7 @@
     const corner = chosen.map((c, axis) => (data.corner[axis] + c * data.edge).toFixed(2));
     says.textContent = square
       ? `at ${corner.join(", ")}: ${square[2]} points of the input, ${square[3]} of the output, δ ${text(square[4])}, ` +
-        `mean distance ${text(square[5])} spacings`
+        `mean distance ${text(square[5])} spacings, ${square[6]} isolated returns`
       : `at ${corner.join(", ")}: no input`;
     draw();
   };

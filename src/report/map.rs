@@ -28,6 +28,7 @@ pub(super) fn map(area: &AreaMap, tiles: &[TileRow]) -> String {
                 square.output,
                 finite(square.delta),
                 finite(square.mean),
+                square.isolated,
             ])
         })
         .collect();
@@ -56,7 +57,8 @@ pub(super) fn map(area: &AreaMap, tiles: &[TileRow]) -> String {
          <option value=\"delta\">δ</option>\
          <option value=\"output\">density of the output</option>\
          <option value=\"input\">density of the input</option>\
-         <option value=\"spacing\">spacing</option></select></label> \
+         <option value=\"spacing\">spacing</option>\
+         <option value=\"isolated\">isolated returns</option></select></label> \
          <label><input type=\"checkbox\" id=\"map-tiles\"> tiles</label></p>\
          <canvas id=\"map\" tabindex=\"0\" role=\"img\" aria-describedby=\"map-says\" \
          aria-label=\"map of the area from above; arrow keys move from square to square\"></canvas>\

@@ -7,6 +7,7 @@ mod chart;
 mod contents;
 mod figure_tables;
 mod html;
+mod isolated;
 mod map;
 mod mesh;
 mod numbers;

@@ -29,6 +29,8 @@ pub(super) struct SquareRow {
     pub(super) delta: f64,
     /// The mean nearest distance of the output, in spacings.
     pub(super) mean: f64,
+    /// The number of isolated returns.
+    pub(super) isolated: u64,
 }
 
 impl AreaMap {
@@ -47,6 +49,7 @@ impl AreaMap {
                     _ => distances.delta(),
                 },
                 mean: distances.sum / distances.count as f64 / spacing,
+                isolated: square.isolated,
             }
         });
         Self {

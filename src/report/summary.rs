@@ -24,6 +24,9 @@ impl Report {
             let (question, answer) = (verdict.question, verdict.answer);
             text += &format!("{question:<9} {answer:<6} {}\n", verdict.figures);
         }
+        if self.isolated.count > 0 {
+            text += &format!("isolated  {}\n", self.isolated.in_words());
+        }
         if let Some(mesh) = &self.mesh {
             text += &format!("mesh      {}\n", mesh.summary());
         }

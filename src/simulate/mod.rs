@@ -26,6 +26,7 @@ mod road;
 mod scanner;
 mod shapes;
 mod solids;
+mod stray_returns;
 mod street;
 mod world;
 

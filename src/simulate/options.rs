@@ -13,6 +13,9 @@ pub struct StreetOptions {
     pub points: u64,
     /// The standard deviation of the ranges (m). No error exceeds three standard deviations.
     pub noise: f64,
+    /// The share of the points that are strays, of class 7: rain, echoes, and beams that meet two surfaces.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub strays: f64,
     /// The seed of the street and of the noise.
     pub seed: u64,
 }
@@ -24,7 +27,13 @@ impl Default for StreetOptions {
             passes: 2,
             points: 2_000_000,
             noise: 0.01,
+            strays: 0.0,
             seed: 1,
         }
     }
+}
+
+/// Whether there are no strays, which descriptions of streets do not state.
+fn is_zero(share: &f64) -> bool {
+    *share == 0.0
 }

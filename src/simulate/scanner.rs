@@ -17,11 +17,14 @@ const SLICE_POINTS: u64 = 50_000;
 const MOST_PULSES_PER_POINT: u64 = 400;
 
 /// The range of the farthest return (m).
-const LARGEST_RANGE: f64 = 60.0;
+pub(super) const LARGEST_RANGE: f64 = 60.0;
 /// The height of the scanners above the road (m).
 const SCANNER_HEIGHT: f64 = 2.4;
 /// The speed of the vehicle (m/s).
 const SPEED: f64 = 8.0;
+
+/// The class of stray returns: low noise.
+const NOISE: u8 = 7;
 
 /// A simulated return.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -136,10 +139,20 @@ impl Street {
         // The sum of three uniform errors is nearly normal, and ends at three standard
         // deviations.
         let error = (random(1) + random(2) + random(3) - 1.5) * 2.0 * self.options.noise;
+
+        let stray = |k: u64| unit(spread(slice.hash ^ spread(!(8 * pulse + k))));
+        let is_stray = stray(0) < self.options.strays;
+        let range = match is_stray {
+            true => self.stray_range(origin, direction, range, |k| stray(k + 1)),
+            false => range,
+        };
         let at = origin + direction * (range + error);
 
         let head_on = normal.dot(&direction).abs();
-        let (class, reflectance, color) = material.appearance();
+        let (class, reflectance, color) = match is_stray {
+            true => (NOISE, 0.1, [0.7; 3]),
+            false => material.appearance(),
+        };
         let shade = 0.6 + 0.4 * normal.z.abs().max(0.5 * head_on) + 0.1 * random(3);
         Some(SimulatedPoint {
             position: to_world(at),
@@ -187,6 +200,28 @@ mod tests {
         for class in [2, 5, 6, 11, 14, 15, 1] {
             assert!(points.iter().any(|p| p.class == class), "class {class}");
         }
+    }
+
+    #[test]
+    fn strays_are_as_many_as_asked_for_and_all_others_are_true() {
+        let clean = street(0.0);
+        let street = Street::new(StreetOptions {
+            strays: 0.02,
+            ..*clean.options()
+        });
+        let points = all(&street);
+        let (strays, others): (Vec<_>, Vec<_>) = points.iter().partition(|p| p.class == NOISE);
+        let share = strays.len() as f64 / points.len() as f64;
+        assert!((0.018..0.022).contains(&share), "{share}");
+        let distance = |p: &&SimulatedPoint| street.distance_to_surface(p.position);
+        assert!(others.iter().all(|p| distance(p) < 1e-6));
+        // Of rain and echoes most are far from any surface, in front of it and behind.
+        let far = strays.iter().filter(|p| distance(p) > 0.1).count();
+        let below = strays.iter().filter(|p| p.position[2] < 99.0).count();
+        assert!(
+            10 * far > 9 * strays.len() && 10 * below > strays.len(),
+            "{far} {below}"
+        );
     }
 
     #[test]

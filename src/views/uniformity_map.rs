@@ -39,6 +39,8 @@ pub(crate) struct MapSquare {
     pub(crate) output: u64,
     /// The nearest distances of the output points (CRS units).
     pub(crate) distances: DistanceSums,
+    /// The number of isolated returns.
+    pub(crate) isolated: u64,
     /// The output point whose nearest distance differs most from the usual one, after that
     /// difference in spacings.
     oddest: Option<(f64, Stored)>,
@@ -80,11 +82,7 @@ impl UniformityMap {
     /// Adds a point of the output and the distance to the nearest other point (CRS units), if
     /// there is one nearby.
     pub(crate) fn push(&mut self, point: Stored, nearest: Option<f64>, spacing: f64) {
-        let index = |c: i32, axis: usize| (i64::from(c) - self.corner[axis]).div_euclid(self.edge);
-        let square = self
-            .squares
-            .entry([index(point.x, 0), index(point.y, 1)])
-            .or_default();
+        let square = self.square_of(point);
         square.output += 1;
         let Some(distance) = nearest else {
             return;
@@ -97,6 +95,17 @@ impl UniformityMap {
         {
             square.oddest = Some((oddness, point));
         }
+    }
+
+    /// Adds an isolated return.
+    pub(crate) fn push_isolated(&mut self, place: Stored) {
+        self.square_of(place).isolated += 1;
+    }
+
+    fn square_of(&mut self, point: Stored) -> &mut MapSquare {
+        let index = |c: i32, axis: usize| (i64::from(c) - self.corner[axis]).div_euclid(self.edge);
+        let index = [index(point.x, 0), index(point.y, 1)];
+        self.squares.entry(index).or_default()
     }
 
     /// Returns the edge of a square and the south-west corner of the first square, in world

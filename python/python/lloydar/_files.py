@@ -55,6 +55,7 @@ class JobOptions(TypedDict, total=False):
     restrict: Length | None
     smooth: Length | None
     fill: Length | None
+    isolated: Literal["keep", "drop", "mark"] | None
     seed: int | None
     tile_size: Length | None
     halo: Length | None
@@ -125,6 +126,8 @@ def run(
         Keep that directory after success; replace an existing output.
     iterations, accelerate, seeds, patch, smooth, fill, restrict, seed : optional
         How the cloud is solved, as for `resample`; lengths may have units.
+    isolated : {"keep", "drop", "mark"}, optional
+        What becomes of isolated returns, such as rain, birds and echoes; mark gives them class 7.
     tile_size, halo : float or str, optional
         Edge of the tiles; width of what they see around them.
     keep_class, drop_class : int or list of int, optional

@@ -40,23 +40,27 @@ pub(crate) struct StartedTile {
     pub(crate) convergence: Vec<DistanceSums>,
     /// The positions in the core that close the holes of the scan.
     pub(crate) filling: Vec<Stored>,
+    /// The identities of the isolated seeds in the core.
+    pub(crate) isolated: Vec<Stored>,
     /// The squares whose sites are the pieces.
     pieces: Vec<Rect>,
 }
 
 impl StartedTile {
-    /// What is left of a tile with a time of zero: the figures of its seeds, their convergence, and
-    /// the positions that close the holes.
+    /// What is left of a tile with a time of zero: the figures of its seeds, their convergence, the positions that close
+    /// the holes, and the isolated seeds.
     pub(crate) fn new(
         seeds: UniformityTally,
         convergence: Vec<DistanceSums>,
         filling: Vec<Stored>,
+        isolated: Vec<Stored>,
     ) -> Self {
         Self {
             seconds: 0.0,
             seeds,
             convergence,
             filling,
+            isolated,
             pieces: Vec::new(),
         }
     }
@@ -296,7 +300,7 @@ mod tests {
     }
 
     fn started(filling: Vec<Stored>) -> StartedTile {
-        StartedTile::new(UniformityTally::new(0.1), Vec::new(), filling)
+        StartedTile::new(UniformityTally::new(0.1), Vec::new(), filling, Vec::new())
     }
 
     #[test]

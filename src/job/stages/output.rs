@@ -65,6 +65,8 @@ pub(crate) fn complete_output(
         .collect::<Result<_, JobError>>()?;
     let cloud = cloud_pair(planned, &settled);
     let mut map = UniformityMap::of_input(&solver.spill);
+    let isolated = tiles.iter().flat_map(|tile| &tile.isolated);
+    isolated.for_each(|&place| map.push_isolated(place));
     run.progress.begin("write", tile_count, 0, Unit::Tiles);
     let mut writer = create_writer(run, planned, format, &scratch)?;
     let mut ordering = Ordering::begin(run, planned, &scratch)?;
@@ -121,6 +123,7 @@ pub(crate) fn complete_output(
         mesh_levels: Vec::new(),
         views,
         costs: RunCosts::default(),
+        isolated: run.job.settings.solver.isolated,
         notes: notes.collect(),
     };
     let cloud = complete;

@@ -157,6 +157,7 @@ impl TileSolver {
             uniformity(round.seeds.iter(), self.options.spacing),
             std::mem::take(&mut round.convergence),
             filling.filter(|&p| region.core.contains(p)).collect(),
+            std::mem::take(&mut round.isolated),
         );
         Ok((started, round))
     }
@@ -208,6 +209,7 @@ impl TileSolver {
         let mut solution = solution.map_err(|_| TileError::Cancelled)?;
         let before = started.started(loaded.tile.id)?;
         solution.convergence.splice(..0, before.convergence);
+        solution.isolated = before.isolated;
         let (solved, mut figures) = self.complete(loaded, solution, before.seeds)?;
         figures.seconds = before.seconds;
         Ok((solved, figures))
@@ -254,6 +256,7 @@ impl TileSolver {
                 scan: &scan,
                 sites: &solution.sites,
                 own: &own,
+                isolated: &solution.isolated,
                 known: &known,
                 spacing: options.spacing,
             },
@@ -286,6 +289,7 @@ fn figures(
         sites: own.len() as u64,
         fixed: own.iter().filter(|s| s.is_fixed).count() as u64,
         exact: own.iter().filter(|s| s.is_exact).count() as u64,
+        isolated: solution.isolated.clone(),
         input: input_distances(scan, core, options),
         seeds,
         on_surfaces,

@@ -15,7 +15,7 @@ use crate::{
     geometry::{ITEMS_PER_TASK, Local, NeighborGrid, Quantization, Rect, Stored},
     job::error::JobError,
     las::{RealAttribute, RecordFormat, RecordView},
-    lloyd::{Scan, Site},
+    lloyd::{IsolatedRule, Scan, Site},
     tile::{Spill, Spilled},
 };
 
@@ -23,11 +23,16 @@ use crate::{
 /// an input point, in spacings.
 pub(crate) const FARTHEST_MATCH_IN_SPACINGS: f64 = 8.0;
 
+/// The class of noise (LAS 1.4, table 17: low point; in records of the older formats, too).
+const NOISE: u8 = 7;
+
 /// The rules by which records of the output are made.
 #[derive(Clone, Debug)]
 pub(crate) struct Transfer {
     color: ColorRule,
     class: ClassRule,
+    /// Whether the points of isolated seeds get a class of their own.
+    marks_isolated: bool,
     /// The attributes that are added, each with its components in the record.
     computed: Vec<(Computed, Vec<RealAttribute>)>,
     record: RecordFormat,
@@ -44,6 +49,8 @@ pub(super) struct TransferSites<'a> {
     pub(super) sites: &'a [Site],
     /// The sites at home in the core of the tile: these get records.
     pub(super) own: &'a [Site],
+    /// The identities of the isolated sites among these, in order.
+    pub(super) isolated: &'a [Stored],
     /// The rectangle of the scan that the tile contains.
     pub(super) known: &'a Rect,
     /// The spacing (CRS units).
@@ -104,6 +111,7 @@ impl Transfer {
         Self {
             color: settings.attributes.color,
             class: settings.attributes.class,
+            marks_isolated: settings.solver.isolated == IsolatedRule::Mark,
             computed,
             record,
             described_length: scanned.described_length(),
@@ -166,6 +174,9 @@ impl Transfer {
                 .get(&site.identity)
                 .and_then(|index| gathered.cells.get(index));
             self.complete(record, site, cell, distance);
+            if self.marks_isolated && tile.isolated.binary_search(&site.identity).is_ok() {
+                RecordView::new(record).set_classification(NOISE);
+            }
         }
         Ok((records, nearest.into_iter().map(|(_, d)| d).collect()))
     }

@@ -202,6 +202,14 @@ impl Scan {
         self.weights[index as usize]
     }
 
+    /// Number of points that sample `index` is the mean of, as nearly as its weight tells; 0 for the filling.
+    pub(crate) fn points_of_sample(&self, index: u32) -> f64 {
+        match (index as usize) < self.voxels.len() {
+            true => points_of(self.weights[index as usize]),
+            false => 0.0,
+        }
+    }
+
     /// The points of every occupied voxel.
     pub(crate) fn points_by_voxel(&self) -> impl ParallelIterator<Item = &[Stored]> {
         let voxels: Vec<Range<usize>> = self.voxels.ranges().collect();
@@ -225,6 +233,12 @@ impl Scan {
 fn weight_of(count: u64) -> f32 {
     let count = count as f64;
     (count / (count + HALF_WEIGHT_POINTS)) as f32
+}
+
+/// The number of points whose mean has `weight`: exact up to a thousand, at most some hundred million.
+fn points_of(weight: f32) -> f64 {
+    let missing = f64::max(1.0 - f64::from(weight), f64::from(f32::EPSILON));
+    (HALF_WEIGHT_POINTS * (1.0 / missing - 1.0)).round()
 }
 
 #[cfg(test)]
@@ -274,6 +288,20 @@ pub(super) mod tests {
             .map(|i| scan.count(i))
             .sum();
         assert_eq!(total as usize, scan.points().len());
+    }
+
+    #[test]
+    fn weights_tell_of_how_many_points_samples_are_the_mean() {
+        for count in (1..=1000).chain([10_000, 1_000_000]) {
+            let told = points_of(weight_of(count));
+            let tolerance = if count <= 1000 { 0.0 } else { 0.05 };
+            let count = count as f64;
+            assert!(
+                (told - count).abs() <= tolerance * count,
+                "{told} of {count}"
+            );
+        }
+        assert!(points_of(weight_of(u64::MAX)).is_finite());
     }
 
     #[test]
