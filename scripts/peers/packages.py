@@ -25,6 +25,7 @@ import laspy
 import numpy as np
 
 import lloydar
+from thinning import by_open3d_voxels, by_pymeshlab
 
 Sampler = Callable[[np.ndarray, float], np.ndarray]
 
@@ -33,26 +34,10 @@ def by_lloydar(points: np.ndarray, spacing: float) -> np.ndarray:
     return lloydar.resample(points, spacing=spacing).points
 
 
-def by_open3d_voxels(points: np.ndarray, size: float) -> np.ndarray:
-    import open3d
-
-    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
-    return np.asarray(cloud.voxel_down_sample(size).points)
-
-
 def by_point_cloud_utils(points: np.ndarray, radius: float) -> np.ndarray:
     import point_cloud_utils
 
     return points[point_cloud_utils.downsample_point_cloud_poisson_disk(points, radius, random_seed=1)]
-
-
-def by_pymeshlab(points: np.ndarray, radius: float) -> np.ndarray:
-    import pymeshlab
-
-    meshes = pymeshlab.MeshSet()
-    meshes.add_mesh(pymeshlab.Mesh(points))
-    meshes.generate_simplified_point_cloud(radius=pymeshlab.PureValue(radius))
-    return meshes.current_mesh().vertex_matrix()
 
 
 def by_fpsample(points: np.ndarray, count: float) -> np.ndarray:

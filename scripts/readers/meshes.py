@@ -8,9 +8,7 @@ volume of a sphere. The tiles of a tileset have to be inside of their boxes, whi
 errors that do not grow towards the leaves. What is not installed is skipped, and named.
 """
 
-import ctypes
 import importlib
-import importlib.util
 import json
 import pathlib
 import struct
@@ -18,20 +16,15 @@ import sys
 
 import numpy as np
 
+sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "peers"))
+from thinning import load_libusb  # noqa: E402
+
 DIRECTORY = pathlib.Path(sys.argv[1]).resolve()
 ENDINGS = (".ply", ".obj", ".glb")
 # Of a glTF mesh, y up, to z up: what viewers of 3D Tiles do.
 Z_UP = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]], float)
 # Single precision, of coordinates within a kilometre of the origin.
 TOLERANCE = 1e-4
-
-
-def load_libusb():
-    """Open3D is linked with libusb; where the system has none, that of a package stands in."""
-    found = importlib.util.find_spec("libusb_package")
-    for folder in found.submodule_search_locations if found else []:
-        for library in pathlib.Path(folder).glob("libusb*.so*"):
-            ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
 
 
 def readers():
