@@ -7,6 +7,7 @@ mod cluster;
 mod count;
 mod docs;
 mod formats;
+mod isolated;
 mod layers;
 mod mesh;
 mod mesh_views;

@@ -44,7 +44,7 @@ pub(crate) const FILL_IN_SPACINGS: f64 = 4.0;
 const SEED_MARGIN_IN_SPACINGS: f64 = 8.0;
 /// Seeds nearer to each other than this belong together, when isolated ones are sought: on a surface the nearest seed is
 /// hardly ever as far.
-const LINK_IN_SPACINGS: f64 = 1.3;
+const LINK_IN_SPACINGS: f64 = 1.25;
 /// Radius of the neighbourhood in which seeds may lie on a common plane, in linking distances.
 const PLANE_IN_LINKS: f64 = 2.3;
 /// So many seeds that belong together are never isolated.

@@ -55,16 +55,13 @@ pub(crate) fn text(path: &Path) -> &str {
 
 /// Simulates a short street of 300 000 points in two files.
 pub(crate) fn street(dir: &Path) -> PathBuf {
+    simulated(dir, &["--length", "60", "--points", "300K"])
+}
+
+/// Simulates a street by `options` in two files.
+pub(crate) fn simulated(dir: &Path, options: &[&str]) -> PathBuf {
     let scans = dir.join("scans");
-    let done = lloydar(&[
-        "simulate",
-        "--length",
-        "60",
-        "--points",
-        "300K",
-        "-o",
-        text(&scans),
-    ]);
+    let done = lloydar(&[&["simulate", "-o", text(&scans)], options].concat());
     assert!(
         done.status.success(),
         "{}",

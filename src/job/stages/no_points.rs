@@ -56,6 +56,14 @@ pub(super) fn no_points(survey: &Survey, spill: &Spill) -> JobError {
     ))
 }
 
+/// The error that says that all of the `isolated` returns, which were to be left out, are all that there is.
+pub(super) fn all_isolated(isolated: u64, spacing: f64) -> JobError {
+    JobError::Refused(format!(
+        "all {isolated} points that the output would have are isolated returns, and --isolated drop leaves them out; the \
+         scan is too sparse for a spacing of {spacing}: give a wider one, or --isolated keep"
+    ))
+}
+
 /// The options that give the conditions of `filter`.
 fn filter_options(filter: &PointFilter) -> Vec<&'static str> {
     [

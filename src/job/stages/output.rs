@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::{
-    mesh_ordering::Ordering, mesh_tiles::MeshTiles, planned_job::PlannedJob,
-    provenance::provenance, stitch::stitch, tile_solver::TileSolver, views::ResultViews,
-    write::write_tiles,
+    mesh_ordering::Ordering, mesh_tiles::MeshTiles, no_points::all_isolated,
+    planned_job::PlannedJob, provenance::provenance, stitch::stitch, tile_solver::TileSolver,
+    views::ResultViews, write::write_tiles,
 };
 use crate::{
     job::{
@@ -63,9 +63,12 @@ pub(crate) fn complete_output(
     let tiles: Vec<TileFigures> = (plan.tiles.iter())
         .map(|tile| solved.figures(tile.id))
         .collect::<Result<_, JobError>>()?;
+    let isolated = tiles.iter().flat_map(|tile| &tile.isolated);
+    if tiles.iter().all(|tile| tile.sites == 0) {
+        return Err(all_isolated(isolated.count() as u64, solver.plan.spacing));
+    }
     let cloud = cloud_pair(planned, &settled);
     let mut map = UniformityMap::of_input(&solver.spill);
-    let isolated = tiles.iter().flat_map(|tile| &tile.isolated);
     isolated.for_each(|&place| map.push_isolated(place));
     run.progress.begin("write", tile_count, 0, Unit::Tiles);
     let mut writer = create_writer(run, planned, format, &scratch)?;
