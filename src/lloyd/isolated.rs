@@ -15,6 +15,8 @@
 //! on a plane, and a lone thing stays that was scanned more densely than what is around it. The rule looks a
 //! fixed number of spacings around, so that all tiles agree.
 
+use std::cmp::Ordering;
+
 use nalgebra::{Matrix3, SymmetricEigen};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -100,7 +102,9 @@ pub(super) fn are_isolated(
 /// Whether the seed at `position` lies on a plane through the seeds around it.
 fn lies_on_a_plane(seeds: &NeighborGrid, position: Local, options: &SolverOptions) -> bool {
     let around = linked_to(seeds, position, options.plane_radius());
-    let steps: Vec<Local> = around.map(|(_, seed)| seed - position).collect();
+    let mut steps: Vec<Local> = around.map(|(_, seed)| seed - position).collect();
+    // The order in which seeds are found depends on the tile, and rounding on the order.
+    steps.sort_unstable_by(|a, b| a.iter().partial_cmp(b.iter()).unwrap_or(Ordering::Equal));
     if steps.len() < FEWEST_ON_A_PLANE {
         return false;
     }
@@ -154,7 +158,8 @@ fn are_dense(surface: Surface<'_>, linked: &[Local]) -> bool {
     own_points(surface, linked) > f64::max(FEW_POINTS, many * usual_points(surface, linked))
 }
 
-/// Whether the `seed` stands for no more points than a voxel around it has.
+/// Whether the `seed` stands for few points, or for no more than a voxel around it usually has and fewer than seeds do on
+/// average.
 fn is_thin(surface: Surface<'_>, seed: Local) -> bool {
     let own = own_points(surface, &[seed]);
     own <= FEW_POINTS || (own <= average_points(surface) && own <= usual_points(surface, &[seed]))
