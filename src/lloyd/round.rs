@@ -118,7 +118,7 @@ mod tests {
             let [x, y, z] = [0, 1, 2].map(|axis| unit(3 * k + axis));
             let (x, y) = (6.0 * x, 2.0 * y);
             match k % 10 {
-                0 if k % 200 == 0 => Local::new(x, y, 1.0 + 3.0 * z),
+                0 if k.is_multiple_of(200) => Local::new(x, y, 1.0 + 3.0 * z),
                 0..6 => Local::new(x, y, 0.1 * (2.0 * x).sin() + 0.002 * z),
                 6..8 => Local::new(x, 1.0 + 0.002 * y, z),
                 _ => Local::new(x, 0.5 * y, 0.5 + 0.5 * z),
