@@ -75,13 +75,15 @@ pub(super) fn are_isolated(
         numbers.with_max_len(ITEMS_PER_TASK).map(is).collect()
     };
 
-    // Thin seeds among thin ones, however many.
+    // Thin seeds among thin ones, however many. What is quick to find out comes first: hardly a seed of a surface is left
+    // when surroundings are looked at.
     let seeds = NeighborGrid::new(positions, link);
-    let thin = of_all(&|seed| is_thin(surface, positions[seed]));
+    let linked = |seed: usize| linked_to(&seeds, positions[seed], link);
+    let meagre = of_all(&|seed| is_meagre(surface, positions[seed]));
     let adrift = of_all(&|seed| {
-        thin[seed]
-            && linked_to(&seeds, positions[seed], link).all(|(other, _)| thin[other])
+        linked(seed).all(|(other, _)| meagre[other])
             && !lies_on_a_plane(&seeds, positions[seed], surface.options)
+            && linked(seed).all(|(_, place)| is_thin(surface, place))
     });
 
     // Small groups among the others.
@@ -158,11 +160,15 @@ fn are_dense(surface: Surface<'_>, linked: &[Local]) -> bool {
     own_points(surface, linked) > f64::max(FEW_POINTS, many * usual_points(surface, linked))
 }
 
-/// Whether the `seed` stands for few points, or for no more than a voxel around it usually has and fewer than seeds do on
-/// average.
+/// Whether the `seed` stands for few points, or for fewer than seeds do on average.
+fn is_meagre(surface: Surface<'_>, seed: Local) -> bool {
+    own_points(surface, &[seed]) <= f64::max(FEW_POINTS, average_points(surface))
+}
+
+/// Whether the `seed`, a meagre one, stands for few points, or for no more than a voxel around it usually has.
 fn is_thin(surface: Surface<'_>, seed: Local) -> bool {
     let own = own_points(surface, &[seed]);
-    own <= FEW_POINTS || (own <= average_points(surface) && own <= usual_points(surface, &[seed]))
+    own <= FEW_POINTS || own <= usual_points(surface, &[seed])
 }
 
 /// Whether `place` is one that one of the `seeds` stands for.
