@@ -287,6 +287,7 @@ def simulate(
     points: Amount = 2_000_000,
     passes: int = 2,
     noise: float = 0.01,
+    strays: float = 0.0,
     seed: int = 1,
 ) -> list[Path]:
     """Writes a simulated mobile-mapping street, one LAZ file a pass.
@@ -303,6 +304,8 @@ def simulate(
         Number of times that the vehicle drives down the street.
     noise : float, default 0.01
         Standard deviation of the ranges in metres.
+    strays : float, default 0
+        Share of the points that are strays, of class 7: rain, echoes, beams that meet two surfaces.
     seed : int, default 1
         Seed of the street and of the noise.
 
@@ -316,7 +319,8 @@ def simulate(
     RequestError
         If no such street can be simulated.
     """
-    options = {"length": length, "points": points, "passes": passes, "noise": noise, "seed": seed}
+    options = {"length": length, "points": points, "passes": passes, "noise": noise}
+    options |= {"strays": strays, "seed": seed}
     words = [*_words(options), f"--output={os.fspath(output)}"]
     scans = json.loads(_call("simulate", words, [], output=os.fspath(output)))
     return [Path(path) for path, _ in scans]
