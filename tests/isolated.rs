@@ -36,7 +36,6 @@ const SPACING: [&str; 4] = ["--spacing", "0.3", "--iterations", "8"];
 fn isolated_returns_stay_go_or_are_marked_and_are_always_counted() {
     let dir = tempfile::tempdir().unwrap();
     let scans = rainy_street(dir.path());
-    // The class of strays in the simulation gives way, so that only marks are left.
     let outputs = ["keep", "drop", "mark"].map(|rule| {
         let output = dir.path().join(format!("{rule}.laz"));
         succeed(

@@ -5,7 +5,7 @@ import py4dgeo
 from scipy.spatial import cKDTree
 
 from samplers import all_samples
-from scans import along_and_across, load, save, street
+from scans import along_and_across, load, one_in_each_voxel, save, street
 
 LENGTH, POINTS, COUNT = 40, 800_000, 20_000
 # Sections of the street (m along it) whose ground is raised between the drives, and by how much (m).
@@ -39,8 +39,7 @@ def run(seed, context, quick):
     # sections than the cylinder is wide.
     exact = street(context.program, context.work, seed, LENGTH, POINTS // scale, noise=0)
     ground = load([exact / "pass-1.laz"], GROUND_CLASSES, first.offset).points
-    _, chosen = np.unique(np.floor(ground / CORE_SPACING).astype(np.int64), axis=0, return_index=True)
-    cores = ground[chosen]
+    cores = one_in_each_voxel(ground, CORE_SPACING)
     along, across = along_and_across(cores + first.offset)
     ends = np.array(RAISED).ravel()
     radius = CYLINDER * spacing

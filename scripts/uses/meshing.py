@@ -10,7 +10,16 @@ from scipy.spatial import cKDTree
 
 # samplers adds scripts/peers to the path, where the figures of meshes are.
 from samplers import OURS, all_samples
-from scans import load, scanner_positions, street, torus_distance, torus_points, torus_scan, truth_distances
+from scans import (
+    load,
+    one_in_each_voxel,
+    scanner_positions,
+    street,
+    torus_distance,
+    torus_points,
+    torus_scan,
+    truth_distances,
+)
 from thinning import load_libusb
 
 load_libusb()
@@ -128,14 +137,13 @@ def street_scene(seed, context, scale):
     scan = load(folder.glob("*.laz"), SURFACES)
     exact = street(context.program, context.work, seed, STREET_LENGTH, count, noise=0)
     truth = load(exact.glob("*.laz"), SURFACES, scan.offset).points
-    _, first = np.unique(np.floor(truth / 0.05).astype(np.int64), axis=0, return_index=True)
     path = context.work / "on-mesh.laz"
 
     def distance(points):
         return truth_distances(context.program, folder, points + scan.offset, path)
 
     scanners = scanner_positions(scan.gps_time) - scan.offset
-    return scan, scanners, truth[first], distance, STREET_COUNT // scale
+    return scan, scanners, one_in_each_voxel(truth, 0.05), distance, STREET_COUNT // scale
 
 
 def torus_scene(seed, context, scale):

@@ -74,6 +74,12 @@ def street(program, work, seed, length, points, noise=0.01):
     return folder
 
 
+def one_in_each_voxel(points, edge):
+    """The first of the points in each cube of a grid with edges of `edge`."""
+    _, first = np.unique(np.floor(points / edge).astype(np.int64), axis=0, return_index=True)
+    return points[first]
+
+
 def along_and_across(world):
     """Street coordinates (along, across) of points of the world."""
     x, y = (world - STREET_ORIGIN)[:, :2].T

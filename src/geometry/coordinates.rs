@@ -12,10 +12,17 @@
 //! the quantization belongs to the run and not to the tile, a point has the same
 //! local coordinates, bit for bit, in every tile that sees it.
 
+use std::cmp::Ordering;
+
 use serde::{Deserialize, Serialize};
 
 /// CRS units from the quantization's offset.
 pub type Local = nalgebra::Vector3<f64>;
+
+/// The order of finite positions by x, then y, then z, as that of [`Stored`].
+pub(crate) fn by_position(a: &Local, b: &Local) -> Ordering {
+    a.iter().partial_cmp(b.iter()).unwrap_or(Ordering::Equal)
+}
 
 /// A point as stored: integers on the run's scale and offset.
 ///

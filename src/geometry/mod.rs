@@ -34,6 +34,7 @@ pub use cell::Cell;
 pub(crate) use cell::MOST_EDGES;
 pub(crate) use cell_index::{CellIndex, cell_of};
 pub(crate) use cell_order::CellOrder;
+pub(crate) use coordinates::by_position;
 pub use coordinates::{Local, Quantization, Rect, Stored};
 pub(crate) use hash::{Dice, spread};
 pub use moments::Moments;

@@ -13,7 +13,7 @@ use std::num::NonZero;
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
-use super::Local;
+use super::{Local, by_position};
 
 /// Widens a ball by more than two ways of rounding a squared distance differ by.
 const ROUNDING: f64 = 1.0 + 1e-12;
@@ -40,14 +40,10 @@ impl<'a> NearestPoints<'a> {
             points.iter().all(|p| p.iter().all(|c| c.is_finite())),
             "a coordinate is not finite"
         );
-        let by_position = |&a: &u32, &b: &u32| {
-            let (p, q) = (points[a as usize], points[b as usize]);
-            let by_axis = |axis: usize| p[axis].partial_cmp(&q[axis]).expect("both are finite");
-            by_axis(0).then_with(|| by_axis(1)).then_with(|| by_axis(2))
-        };
+        let order = |&a: &u32, &b: &u32| by_position(&points[a as usize], &points[b as usize]);
         let mut indices: Vec<u32> = (0..count).collect();
-        indices.sort_unstable_by(|a, b| by_position(a, b).then(a.cmp(b)));
-        indices.dedup_by(|a, b| by_position(a, b).is_eq());
+        indices.sort_unstable_by(|a, b| order(a, b).then(a.cmp(b)));
+        indices.dedup_by(|a, b| order(a, b).is_eq());
         indices.sort_unstable();
         let positions: Vec<[f64; 3]> = indices.iter().map(|&i| points[i as usize].into()).collect();
         Self {

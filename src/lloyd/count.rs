@@ -11,7 +11,7 @@ use std::{cmp::Ordering, fmt};
 use serde::{Deserialize, Serialize};
 
 use super::{options::SolverOptions, site::Site, surface::Surface};
-use crate::geometry::{Local, NeighborGrid, Rect, Stored};
+use crate::geometry::{Local, NeighborGrid, Rect, Stored, by_position};
 
 /// The number of sites that a cloud is to have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -171,7 +171,7 @@ fn roomiest_sample(
     // The position decides between equals: the order of samples depends on the tile.
     samples.max_by(|(a, room_a), (b, room_b)| {
         let by_room = room_a.total_cmp(room_b);
-        by_room.then_with(|| a.iter().partial_cmp(b.iter()).unwrap_or(Ordering::Equal))
+        by_room.then_with(|| by_position(a, b))
     })
 }
 

@@ -11,13 +11,11 @@
 //!   ─*──*──*──*──*──       seeds are linked if they are hardly farther apart than those of a surface
 //! ```
 //!
-//! Thin seeds stand for fewer points than a voxel around them usually has. So a sparse surface stays, on which thin seeds lie
+//! Thin seeds stand for no more points than a voxel around them usually has, and for fewer than seeds do on average. So a sparse surface stays, on which thin seeds lie
 //! on a plane, and a lone thing stays that was scanned more densely than what is around it. The rule looks a
 //! fixed number of spacings around, so that all tiles agree.
 
-use std::cmp::Ordering;
-
-use nalgebra::{Matrix3, SymmetricEigen};
+use nalgebra::Matrix3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -25,7 +23,7 @@ use super::{
     options::{MANY_SEEDS, SolverOptions},
     surface::Surface,
 };
-use crate::geometry::{ITEMS_PER_TASK, Local, NeighborGrid};
+use crate::geometry::{ITEMS_PER_TASK, Local, NeighborGrid, by_position, narrow_frame};
 
 /// What becomes of isolated returns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -79,11 +77,17 @@ pub(super) fn are_isolated(
     // when surroundings are looked at.
     let seeds = NeighborGrid::new(positions, link);
     let linked = |seed: usize| linked_to(&seeds, positions[seed], link);
-    let meagre = of_all(&|seed| is_meagre(surface, positions[seed]));
+    let own: Vec<f64> = (positions.par_iter().with_max_len(ITEMS_PER_TASK))
+        .map(|&seed| own_points(surface, &[seed]))
+        .collect();
+    let average = f64::max(FEW_POINTS, average_points(surface));
+    let is_thin = |(seed, place): (usize, Local)| {
+        own[seed] <= FEW_POINTS || own[seed] <= usual_points(surface, &[place])
+    };
     let adrift = of_all(&|seed| {
-        linked(seed).all(|(other, _)| meagre[other])
+        linked(seed).all(|(other, _)| own[other] <= average)
             && !lies_on_a_plane(&seeds, positions[seed], surface.options)
-            && linked(seed).all(|(_, place)| is_thin(surface, place))
+            && linked(seed).all(is_thin)
     });
 
     // Small groups among the others.
@@ -106,17 +110,18 @@ fn lies_on_a_plane(seeds: &NeighborGrid, position: Local, options: &SolverOption
     let around = linked_to(seeds, position, options.plane_radius());
     let mut steps: Vec<Local> = around.map(|(_, seed)| seed - position).collect();
     // The order in which seeds are found depends on the tile, and rounding on the order.
-    steps.sort_unstable_by(|a, b| a.iter().partial_cmp(b.iter()).unwrap_or(Ordering::Equal));
+    steps.sort_unstable_by(by_position);
     if steps.len() < FEWEST_ON_A_PLANE {
         return false;
     }
     let mean = steps.iter().sum::<Local>() / steps.len() as f64;
     let square = |step: &Local| (step - mean) * (step - mean).transpose();
     let covariance = steps.iter().map(square).sum::<Matrix3<f64>>() / steps.len() as f64;
-    let eigen = SymmetricEigen::new(covariance);
-    let across = eigen.eigenvalues.imin();
-    let thickness = eigen.eigenvalues[across].max(0.0).sqrt();
-    let distance = eigen.eigenvectors.column(across).dot(&mean).abs();
+    let Some((spread, axes)) = narrow_frame(covariance) else {
+        // They lie on a line, or are spread alike in all directions.
+        return covariance.norm() > 0.9 * covariance.trace();
+    };
+    let (thickness, distance) = (spread[2].sqrt(), axes[2].dot(&mean).abs());
     thickness < THICKEST_PLANE_IN_SPACINGS * options.spacing
         && distance < FARTHEST_FROM_PLANE_IN_SPACINGS * options.spacing
 }
@@ -158,17 +163,6 @@ fn linked_seeds(seeds: &NeighborGrid, position: Local, link: f64) -> Option<Vec<
 fn are_dense(surface: Surface<'_>, linked: &[Local]) -> bool {
     let many = (MANY_SEEDS - 1) as f64 * VOXELS_OF_A_SEED;
     own_points(surface, linked) > f64::max(FEW_POINTS, many * usual_points(surface, linked))
-}
-
-/// Whether the `seed` stands for few points, or for fewer than seeds do on average.
-fn is_meagre(surface: Surface<'_>, seed: Local) -> bool {
-    own_points(surface, &[seed]) <= f64::max(FEW_POINTS, average_points(surface))
-}
-
-/// Whether the `seed`, a meagre one, stands for few points, or for no more than a voxel around it usually has.
-fn is_thin(surface: Surface<'_>, seed: Local) -> bool {
-    let own = own_points(surface, &[seed]);
-    own <= FEW_POINTS || own <= usual_points(surface, &[seed])
 }
 
 /// Whether `place` is one that one of the `seeds` stands for.

@@ -114,13 +114,4 @@ impl SolverOptions {
     pub(crate) fn farthest_seed(&self) -> f64 {
         2.5 * self.spacing + 0.5 * self.fill + self.smooth
     }
-
-    /// Width of the halo (CRS units) with which tiles agree on the sites that they share: the
-    /// reach of all iterations, and that of election and fit.
-    pub fn halo(&self) -> f64 {
-        let of_sites =
-            f64::from(self.iterations) * self.reach_of_an_iteration() + self.seed_margin();
-        // Isolated returns are counted, whatever becomes of them.
-        of_sites.max(self.isolation_margin())
-    }
 }

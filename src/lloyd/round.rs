@@ -55,6 +55,12 @@ impl SolverOptions {
         }
     }
 
+    /// Width of the halo (CRS units) with which tiles agree on the sites that they share: the
+    /// reach of all iterations, and that of election and fit.
+    pub fn halo(&self) -> f64 {
+        self.only_round().halo(self)
+    }
+
     /// The election and the iterations as two rounds that need halos of nearly the same width.
     pub(crate) fn two_rounds(&self) -> [Round; 2] {
         let [first, last] = [self.seed_margin(), self.state_margin()];
