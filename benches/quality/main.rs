@@ -52,8 +52,10 @@ fn main() {
     );
     println!("|{}", " --- |".repeat(22));
     for (_, cloud) in clouds() {
+        // The same length for all methods.
+        let unit = methods::spacing(&cloud, Method::Ours);
         for &method in methods.iter().filter(|method| method.can(&cloud)) {
-            print_row(&cloud, method);
+            print_row(&cloud, method, unit);
         }
     }
 }
@@ -97,7 +99,8 @@ fn named(folder: Option<&std::path::Path>) -> Vec<(String, Maker)> {
     all
 }
 
-fn print_row(cloud: &Cloud, method: Method) {
+/// Prints what `method` makes of `cloud`; distances to truth and scan in multiples of `unit` (CRS units).
+fn print_row(cloud: &Cloud, method: Method, unit: f64) {
     let spacing = methods::spacing(cloud, method);
     let Outcome {
         seconds,
@@ -126,9 +129,9 @@ fn print_row(cloud: &Cloud, method: Method) {
         f.min,
         f.p1,
         f.p99,
-        accuracy.mean / spacing,
-        accuracy.p99 / spacing,
-        at_edges.mean / spacing,
-        coverage.p99 / spacing,
+        accuracy.mean / unit,
+        accuracy.p99 / unit,
+        at_edges.mean / unit,
+        coverage.p99 / unit,
     );
 }

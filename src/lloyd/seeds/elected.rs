@@ -25,7 +25,9 @@ pub(super) fn elected(surface: Surface<'_>) -> Vec<Stored> {
     let surfaces = surfaces.into_par_iter();
     let surfaces: Vec<Stored> = surfaces.filter_map(|v| scan.representative(v)).collect();
     election.elect(surfaces.into_iter());
-    election.elect_loose(&loose.concat());
+    let (on_surfaces, loose) = (election.seeds.len(), loose.concat());
+    election.elect_loose(&loose);
+    election.center(on_surfaces, &loose);
     election.elect(scan.filling().iter().copied());
     election.seeds
 }

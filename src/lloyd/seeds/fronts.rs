@@ -1,6 +1,6 @@
 //! The election where nothing is a surface: leaves, wires, strays.
 //!
-//! Seeds stay where they are elected there, so the election decides how even they are. They are
+//! No iteration moves the seeds there, so the election decides how even they are. They are
 //! elected by *fronts*: next to the seeds so far, from the points just beyond the radius.
 //!
 //! ```text
