@@ -14,7 +14,7 @@ use crate::{
         Places, Share, Sides,
     },
     geometry::PatchKind,
-    lloyd::{Acceleration, IsolatedRule, SeedRule},
+    lloyd::{Acceleration, EdgeRule, IsolatedRule, SeedRule},
     mesh::MeshedPoints,
 };
 
@@ -105,6 +105,10 @@ struct SolverFlags {
     /// of the scan if that is coarser]
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
     fill: Option<Length>,
+    /// Points next to a sharp edge: free, on the surfaces that meet there, or on, on the edge itself
+    /// [default: free]
+    #[arg(long, value_name = "RULE", value_parser = by_name::<EdgeRule>)]
+    edges: Option<EdgeRule>,
     /// Isolated returns, such as rain, birds and echoes: keep, drop, or mark (class 7, noise) [default: keep]
     #[arg(long, value_name = "RULE", value_parser = by_name::<IsolatedRule>)]
     isolated: Option<IsolatedRule>,

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     geometry::PatchKind,
-    lloyd::{Acceleration, IsolatedRule, SeedRule},
+    lloyd::{Acceleration, EdgeRule, IsolatedRule, SeedRule},
     mesh::MeshedPoints,
 };
 
@@ -68,6 +68,8 @@ pub(crate) struct Choices {
     pub(crate) smooth: Option<Length>,
     /// The width of the widest hole to close.
     pub(crate) fill: Option<Length>,
+    /// Where points next to a sharp edge end.
+    pub(crate) edges: Option<EdgeRule>,
     /// What becomes of isolated returns.
     pub(crate) isolated: Option<IsolatedRule>,
     /// The edge of square tiles.

@@ -193,6 +193,7 @@ impl Choices {
                 fill => unit.positive("--fill", fill)?,
             },
             seed: self.seed.unwrap_or(defaults.seed),
+            edges: self.edges.unwrap_or(defaults.edges),
             isolated: self.isolated.unwrap_or(defaults.isolated),
         })
     }

@@ -148,9 +148,9 @@ impl Patch {
         let numerator = (1.0 + q * q) * a - 2.0 * p * q * b + (1.0 + p * p) * c;
         let curvature = numerator / (2.0 * steep * steep.sqrt());
         let normal = self.normal();
-        match (normal.z, normal.y, normal.x) < (0.0, 0.0, 0.0) {
-            true => (-normal, -curvature),
-            false => (normal, curvature),
+        match points_upwards(normal) {
+            false => (-normal, -curvature),
+            true => (normal, curvature),
         }
     }
 
@@ -159,6 +159,20 @@ impl Patch {
     pub(crate) fn gaussian_curvature(&self) -> f64 {
         let Heights { p, q, a, b, c, .. } = self.heights;
         (a * c - b * b) / (1.0 + p * p + q * q).powi(2)
+    }
+}
+
+/// Whether a `normal` points upwards, that of a vertical surface northwards or else eastwards.
+fn points_upwards(normal: Local) -> bool {
+    (normal.z, normal.y, normal.x) >= (0.0, 0.0, 0.0)
+}
+
+/// The one of `normal` and its opposite that points upwards, that of a vertical surface northwards or else eastwards.
+pub(crate) fn upwards(normal: Local) -> Local {
+    if points_upwards(normal) {
+        normal
+    } else {
+        -normal
     }
 }
 

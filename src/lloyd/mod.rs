@@ -20,6 +20,7 @@ mod acceleration;
 mod blocks;
 mod count;
 mod course;
+mod edge_rule;
 mod isolated;
 mod options;
 mod region;
@@ -39,6 +40,7 @@ mod tally;
 
 pub use acceleration::Acceleration;
 pub(crate) use count::{Candidates, CountCorrection, WantedCount, candidate_band};
+pub use edge_rule::EdgeRule;
 pub(crate) use isolated::IsolatedRule;
 pub use options::SolverOptions;
 pub use region::TileRegion;

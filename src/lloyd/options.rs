@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{acceleration::Acceleration, seeds::SeedRule, step::Restriction};
+use super::{acceleration::Acceleration, edge_rule::EdgeRule, seeds::SeedRule, step::Restriction};
 use crate::geometry::PatchKind;
 
 /// The options of one solve. Lengths are CRS units.
@@ -28,6 +28,8 @@ pub struct SolverOptions {
     pub patch: PatchKind,
     /// How far from the scan a site may move.
     pub restriction: Restriction,
+    /// Where sites next to a sharp edge end.
+    pub edges: EdgeRule,
     /// Whether isolated returns are left out.
     pub drops_isolated: bool,
     /// Seed of every hash.
@@ -64,6 +66,7 @@ impl SolverOptions {
             acceleration: Acceleration::default(),
             patch: PatchKind::default(),
             restriction: Restriction::Local,
+            edges: EdgeRule::default(),
             drops_isolated: false,
             seed: 0,
         }
@@ -74,6 +77,12 @@ impl SolverOptions {
     /// agreed to the bit, with 0.9 to 10⁻⁹ spacings.
     pub(super) fn reach_of_an_iteration(&self) -> f64 {
         1.25 * self.spacing
+    }
+
+    /// Whether facets are sought in this `iteration` where patches round an edge. Sites that are to end on the edge need
+    /// time to become even along it; for others it is early enough when they hardly move.
+    pub(super) fn seeks_facets(&self, iteration: u32) -> bool {
+        self.edges == EdgeRule::On || 2 * iteration >= self.iterations
     }
 
     /// Depth (CRS units) inside the rectangle of available points from which on every tile

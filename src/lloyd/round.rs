@@ -17,6 +17,7 @@
 use std::ops::Range;
 
 use super::options::SolverOptions;
+use crate::geometry::FACET_RADIUS_IN_FIT_RADII;
 
 /// Iterations that all tiles do before any tile does the next.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,7 +76,8 @@ impl SolverOptions {
     /// Depth (CRS units) inside the rectangle of available points from which on every tile knows
     /// the same states and samples.
     fn state_margin(&self) -> f64 {
-        STATE_MARGIN_IN_SPACINGS * self.spacing + self.fit_radius + 2.0 * self.smooth
+        let of_facets = FACET_RADIUS_IN_FIT_RADII * self.fit_radius;
+        STATE_MARGIN_IN_SPACINGS * self.spacing + of_facets + 2.0 * self.smooth
     }
 }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Acceleration, IsolatedRule, Restriction, SeedRule, SolverOptions};
+use super::{Acceleration, EdgeRule, IsolatedRule, Restriction, SeedRule, SolverOptions};
 use crate::geometry::PatchKind;
 
 /// Settings of the solver that are known before the spacing is. Lengths are CRS units.
@@ -22,6 +22,9 @@ pub(crate) struct SolverSettings {
     pub(crate) smooth: Option<f64>,
     /// Width of the widest hole to close, 0 for none; `None` stands for a multiple of the spacing.
     pub(crate) fill: Option<f64>,
+    /// Where sites next to a sharp edge end.
+    #[serde(default, skip_serializing_if = "EdgeRule::is_default")]
+    pub(crate) edges: EdgeRule,
     /// Seed of every hash.
     pub(crate) seed: u64,
     /// What becomes of isolated returns.
@@ -39,6 +42,7 @@ impl Default for SolverSettings {
             restriction: Restriction::Local,
             smooth: None,
             fill: None,
+            edges: EdgeRule::default(),
             seed: 0,
             isolated: IsolatedRule::default(),
         }
@@ -65,6 +69,7 @@ impl SolverSettings {
             acceleration: self.acceleration,
             patch: self.patch,
             restriction: self.restriction,
+            edges: self.edges,
             drops_isolated: self.isolated == IsolatedRule::Drop,
             seed: self.seed,
             ..defaults

@@ -120,6 +120,7 @@ impl<'a> Sites<'a> {
             surface,
             cone,
             was_exact: &was_exact,
+            seeks_facets: surface.options.seeks_facets(0),
         };
         let sites = self.of_wanted(|step, identity, wanted, mut vicinity| {
             let moments = step.clip(surface, &mut vicinity);
@@ -147,6 +148,7 @@ impl<'a> Sites<'a> {
             surface,
             cone,
             was_exact: &was_exact,
+            seeks_facets: surface.options.seeks_facets(iteration),
         };
         let in_core = |identity: &&Stored| region.core.contains(**identity);
         let mut nearest = vec![None; identities.iter().filter(in_core).count()];
@@ -183,7 +185,7 @@ impl<'a> Sites<'a> {
                 }
                 *position = match &mut step.fit {
                     Some(fit) => {
-                        let foot = fit.patch.foot_point(*position);
+                        let foot = fit.foot_point(*position);
                         let is_clear = (foot - before).norm() <= step.free;
                         let is_allowed = is_clear && fit.allows(foot, surface);
                         if is_allowed { foot } else { target }
@@ -286,7 +288,7 @@ fn site(
     vicinity: &mut Vicinity<'_>,
 ) -> Site {
     let nearest = vicinity.nearest_within(FARTHEST_NEIGHBOR_IN_SPACINGS * vicinity.spacing);
-    let surface = step.fit.as_ref().map(|fit| fit.patch.upwards());
+    let surface = step.fit.as_ref().map(|fit| fit.upwards(vicinity.position));
     let cell = moments.map(|_| &vicinity.scratch.cell);
     let neighbors = cell.map_or(0, Cell::neighbor_count);
     Site {
@@ -307,13 +309,13 @@ fn site(
 
 /// The edges of the cell that was clipped last for the site of `step`; none without `moments`.
 fn edges(step: &Step, moments: Option<Moments>, vicinity: &Vicinity<'_>) -> Edges {
-    let patch = step.fit.as_ref().map(|fit| fit.patch);
-    let around = patch.filter(|_| moments.is_some()).map(|patch| {
+    let fit = step.fit.as_ref().filter(|_| moments.is_some());
+    let around = fit.map(|fit| {
         let cell = &vicinity.scratch.cell;
         let edges = cell.edge_neighbors().map(|edge| edge.unwrap_or(GAP));
         // The order of the cell is that of the patch's frame, whose axis may point downwards.
-        let (normal, _) = patch.upwards();
-        match normal.dot(&patch.axes[2]) < 0.0 {
+        let (normal, _) = fit.upwards(vicinity.position);
+        match normal.dot(&fit.patch.axes[2]) < 0.0 {
             true => edges.rev().collect(),
             false => edges.collect(),
         }

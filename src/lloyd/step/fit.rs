@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::samples::Samples;
 use crate::{
-    geometry::{BOUNDING_SIDES, Local, Patch, PatchKind, Reach, bounding_corners},
+    geometry::{BOUNDING_SIDES, Facets, Local, Patch, PatchKind, Reach, bounding_corners, upwards},
     lloyd::{SolverOptions, surface::Surface},
 };
 
@@ -57,6 +57,8 @@ pub(crate) struct Fit {
     /// How far the scan reaches around the anchor on the patch; computed on demand.
     #[serde(skip)]
     scanned: Option<Box<Reach>>,
+    /// The facets that stand in for the patch near an edge; sought on demand.
+    facets: Option<Option<Box<Facets>>>,
 }
 
 impl Fit {
@@ -96,6 +98,7 @@ impl Fit {
             trust,
             witness: nowhere(),
             scanned: None,
+            facets: None,
         })
     }
 
@@ -105,10 +108,48 @@ impl Fit {
         (site - self.anchor).norm_squared() <= skin * skin
     }
 
-    /// The move from `position` towards `centroid` on the patch: the less the patch is
+    /// Seeks the facets that stand in for the patch, where it rounds an edge.
+    pub(super) fn find_facets(&mut self, surface: Surface<'_>, samples: &mut Samples) {
+        let options = surface.options;
+        let (anchor, patch) = (self.anchor, &self.patch);
+        self.facets.get_or_insert_with(|| {
+            let is_rounded = patch.residual > SHARP_IN_SPACINGS * options.spacing;
+            if !is_rounded || options.patch == PatchKind::Plane {
+                return None;
+            }
+            let samples = samples.of_facets(anchor, surface);
+            let capture = options.edges.capture(options.spacing);
+            Facets::find(anchor, samples, patch, options.fit_radius, capture).map(Box::new)
+        });
+    }
+
+    /// The facets that stand in for the patch, if any were found.
+    fn facets(&self) -> Option<&Facets> {
+        self.facets.as_ref()?.as_deref()
+    }
+
+    /// The unit normal of the surface at `position`, which points upwards, and the mean curvature of the patch (1 / CRS
+    /// unit), positive where it bends towards the normal of the patch.
+    pub(crate) fn upwards(&self, position: Local) -> (Local, f64) {
+        let (normal, curvature) = self.patch.upwards();
+        let of_facet = self.facets().and_then(|facets| facets.normal(position));
+        (of_facet.map_or(normal, upwards), curvature)
+    }
+
+    /// The foot point of `position` on the surface: on the patch, or near an edge on a facet.
+    pub(crate) fn foot_point(&self, position: Local) -> Local {
+        let foot = self.patch.foot_point(position);
+        self.facets().map_or(foot, |facets| facets.foot_point(foot))
+    }
+
+    /// The move from `position` towards `centroid` on the surface: the less the patch is
     /// trusted, the shorter.
     pub(super) fn step_towards(&self, centroid: Local, position: Local) -> Local {
-        (self.patch.foot_point(centroid) - position) * self.trust
+        // To a facet the site goes all the way.
+        let start = self
+            .facets()
+            .map_or(position, |facets| facets.foot_point(position));
+        (start - position) + (self.foot_point(centroid) - start) * self.trust
     }
 
     /// How far the scan reaches around `site` on the patch, at most as far as the bounding

@@ -27,6 +27,8 @@ pub(crate) struct Iteration<'a> {
     pub(crate) cone: &'a DependencyCone<'a>,
     /// Whether each site was exact before the iteration.
     pub(crate) was_exact: &'a [bool],
+    /// Whether facets are sought where patches round an edge.
+    pub(crate) seeks_facets: bool,
 }
 
 /// The result of the last Lloyd step of one site.
@@ -114,7 +116,7 @@ impl Step {
     pub(crate) fn project(&self, position: Local) -> Local {
         self.fit
             .as_ref()
-            .map_or(position, |fit| fit.patch.foot_point(position))
+            .map_or(position, |fit| fit.foot_point(position))
     }
 
     /// Discards the last step: the site stays at `position`.
@@ -214,6 +216,7 @@ impl Step {
             surface,
             cone,
             was_exact,
+            seeks_facets,
         } = iteration;
         let (position, spacing) = (vicinity.position, surface.spacing());
         self.reset(position);
@@ -221,6 +224,9 @@ impl Step {
         let Some(fit) = self.fit.as_deref_mut() else {
             return;
         };
+        if seeks_facets {
+            fit.find_facets(surface, &mut vicinity.scratch.samples);
+        }
         let cell = &vicinity.scratch.cell;
         self.links = Links::new(cell.neighbors());
         self.is_open = !cell.is_closed();

@@ -1,6 +1,9 @@
 //! The samples of the scan around a block of sites.
 
-use crate::{geometry::Local, lloyd::surface::Surface};
+use crate::{
+    geometry::{FACET_RADIUS_IN_FIT_RADII, FacetSample, Local},
+    lloyd::surface::Surface,
+};
 
 /// The samples in and around a box, for the patches at positions in the box.
 #[derive(Debug, Default)]
@@ -11,6 +14,8 @@ pub(crate) struct Samples {
     in_ball: Vec<Local>,
     /// Scratch: their weights.
     weights: Vec<f64>,
+    /// Scratch: the samples among which facets are sought.
+    of_facets: Vec<FacetSample>,
 }
 
 impl Samples {
@@ -40,6 +45,25 @@ impl Samples {
             }
         }
         (&self.in_ball, &self.weights, points)
+    }
+
+    /// The samples among which the facets near `position` are sought, wherever the box is.
+    pub(super) fn of_facets(
+        &mut self,
+        position: Local,
+        surface: Surface<'_>,
+    ) -> &mut [FacetSample] {
+        let radius = FACET_RADIUS_IN_FIT_RADII * surface.options.fit_radius;
+        let (scan, found) = (surface.scan, &mut self.of_facets);
+        found.clear();
+        scan.samples()
+            .visit_around(position, radius, |index, sample| {
+                if (sample - position).norm_squared() < radius * radius {
+                    let weight = f64::from(scan.weight(index));
+                    found.push(FacetSample::new(sample, position, weight, radius));
+                }
+            });
+        found
     }
 
     /// The samples of the scan within the fit radius of `position`, wherever the box is. The
