@@ -10,6 +10,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 EXECUTOR, PROGRAM, WORK, LASPY = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3]), sys.argv[4]
@@ -55,7 +56,8 @@ def lists_and_helps() -> None:
     for identifier in ("resample", "mesh", "measure", "render", "info"):
         assert f"lloydar:{identifier}\t" in listed, listed
     assert "units of the CRS" in executor("help", "lloydar:resample")
-    print(f"the provider lists five algorithms in {executor('--version').splitlines()[0]}")
+    version = next(line for line in executor("--version").splitlines() if line.startswith("QGIS "))
+    print(f"the provider lists five algorithms in {version}")
 
 
 def runs(scan: Path, spacing: str, name: str) -> None:
@@ -76,11 +78,7 @@ def runs(scan: Path, spacing: str, name: str) -> None:
     assert (WORK / f"{name}.png").read_bytes().startswith(b"\x89PNG")
     text = run("info", INPUT=str(out))
     assert (result(text, "FILES"), result(text, "POINTS")) == ("1", str(points)), text
-    print(f"{name}: measured (delta {result_of(figures)}), drawn, and its header listed")
-
-
-def result_of(figures: dict) -> str:
-    return f"{figures['uniformity']['delta']:.4f}"
+    print(f"{name}: measured (delta {figures['uniformity']['delta']:.4f}), drawn, and its header listed")
 
 
 def stops_and_continues() -> None:
@@ -102,15 +100,18 @@ def stops_and_continues() -> None:
         assert piece, printed.decode()
         printed += piece
     started.send_signal(signal.SIGINT)
+    start = time.monotonic()
     printed += started.communicate(timeout=60)[0]
     assert started.returncode != 0, "a job that was stopped is no success"
+    seconds = time.monotonic() - start
+    assert b"the same call" in printed, printed.decode()
     assert not parts.exists() and Path(f"{parts}.job").is_dir(), printed.decode()
     running = subprocess.run(["ps", "-eo", "args"], capture_output=True, check=True).stdout.decode()
     assert f"--output={parts}" not in running, "no program is left behind"
     text = run("resample", **common, OUTPUT=str(parts))
     assert whole.read_bytes() == parts.read_bytes(), "the same bytes as without a stop"
     assert not Path(f"{parts}.job").exists()
-    print(f"stopped by SIGINT (code {started.returncode}), continued to the same bytes: {result(text, 'POINTS')} points")
+    print(f"stopped {seconds:.1f} s after SIGINT, continued to the same bytes: {result(text, 'POINTS')} points")
 
 
 def says_what_is_wrong() -> None:

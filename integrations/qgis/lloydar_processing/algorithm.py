@@ -103,7 +103,7 @@ class LloydarAlgorithm(QgsProcessingAlgorithm):
     def processAlgorithm(  # noqa: N802
         self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
     ) -> dict[str, Any]:
-        """Run the program; return the files and figures, or nothing if the user cancelled."""
+        """Run the program; return the files and figures."""
         described = self._description.parameters
         values = {parameter.name: value_of(self, parameter, parameters, context) for parameter in described}
         try:
@@ -117,7 +117,8 @@ class LloydarAlgorithm(QgsProcessingAlgorithm):
         feedback.pushCommandInfo(shown(words))
         outcome, said = _run(words, feedback)
         if outcome.cancelled:
-            return self._stopped(values, feedback)
+            # An exception, so that scripts and models do not take this for a success.
+            raise QgsProcessingException(self._stopped(values))
         if outcome.code not in (DONE, INCOMPLETE):
             nothing = f"The program ended with code {outcome.code} and said nothing."
             raise QgsProcessingException("\n".join(said) or nothing)
@@ -127,20 +128,15 @@ class LloydarAlgorithm(QgsProcessingAlgorithm):
             feedback.pushWarning("The output is complete but for what had to be left out; the report says what.")
         return self._results(values, outcome.output, context, feedback)
 
-    def _stopped(self, values: dict[str, Any], feedback: QgsProcessingFeedback) -> dict[str, Any]:
-        message = "Stopped."
-        if self._description.command == "run":
-            directory = job_directory(values["OUTPUT"])
-            if directory.is_dir():
-                message += (
-                    f" What is done is kept in {directory}: the same call, with {values['OUTPUT']} as the output, "
-                    "continues it. Delete the directory to give the job up."
-                )
-        if not feedback.isCanceled():
-            # Ctrl-C in a terminal: whoever called must not take this for a success.
-            raise QgsProcessingException(message)
-        feedback.pushInfo(message)
-        return {}
+    def _stopped(self, values: dict[str, Any]) -> str:
+        """Return what a user who cancelled has to know."""
+        directory = job_directory(values["OUTPUT"]) if self._description.command == "run" else None
+        if directory is None or not directory.is_dir():
+            return "Stopped."
+        return (
+            f"Stopped. What is done is kept in {directory}: the same call, with {values['OUTPUT']} as the output, "
+            "continues it. Delete the directory to give the job up."
+        )
 
     def _results(
         self, values: dict[str, Any], output: str, context: QgsProcessingContext, feedback: QgsProcessingFeedback
