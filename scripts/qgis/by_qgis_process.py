@@ -120,6 +120,10 @@ def says_what_is_wrong() -> None:
     assert "one of spacing, count and ratio" in run(
         "resample", code=1, INPUT=str(SCANS), SPACING="1", COUNT="5", OUTPUT=out
     )
+    broken = WORK / "broken.laz"
+    broken.write_text("no scan")
+    text = executor("run", "lloydar:info", "--", f"INPUT={broken}", f"INPUT={SCANS}")
+    assert "is no LAS or LAZ file" in text and result(text, "FILES") == "2", text
     bare = {**ENVIRONMENT, "PATH": "/usr/bin:/bin", "HOME": str(WORK / "home")}
     words = ("run", "lloydar:info", "--", f"INPUT={SCANS}")
     text = executor(*words, code=None, environment=bare)

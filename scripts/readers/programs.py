@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 WORK = Path(sys.argv[1]).resolve()
-PLY_TYPES = {"double": "<f8", "float": "<f4", "uchar": "u1", "char": "i1", "ushort": "<u2", "short": "<i2", "int": "<i4"}
+PLY_TYPES = {"double": "<f8", "float": "<f4", "int": "<i4", "ushort": "<u2", "short": "<i2", "uchar": "u1"}
 
 
 @dataclass
@@ -116,8 +116,11 @@ numpy.bool = bool  # An add-on of Debian's package needs a name that its numpy h
 import bpy
 path = sys.argv[-1]
 bpy.ops.wm.read_factory_settings(use_empty=True)
-read = {"ply": lambda: bpy.ops.wm.ply_import if bpy.app.version >= (3, 6) else bpy.ops.import_mesh.ply,
-        "obj": lambda: functools.partial(bpy.ops.wm.obj_import, forward_axis="Y", up_axis="Z"), "glb": lambda: bpy.ops.import_scene.gltf}
+read = {
+    "ply": lambda: bpy.ops.wm.ply_import if bpy.app.version >= (3, 6) else bpy.ops.import_mesh.ply,
+    "obj": lambda: functools.partial(bpy.ops.wm.obj_import, forward_axis="Y", up_axis="Z"),
+    "glb": lambda: bpy.ops.import_scene.gltf,
+}
 read[path.rsplit(".")[-1]]()(filepath=path)
 (mesh,) = [thing for thing in bpy.data.objects if thing.type == "MESH"]
 data = mesh.data

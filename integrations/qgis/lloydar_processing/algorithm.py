@@ -119,7 +119,9 @@ class LloydarAlgorithm(QgsProcessingAlgorithm):
         if outcome.cancelled:
             # An exception, so that scripts and models do not take this for a success.
             raise QgsProcessingException(self._stopped(values))
-        if outcome.code not in (DONE, INCOMPLETE):
+        # Headers that could be read are listed beside errors about the others.
+        has_headers = self._description.command == "info" and outcome.output.strip()
+        if outcome.code not in (DONE, INCOMPLETE) and not has_headers:
             nothing = f"The program ended with code {outcome.code} and said nothing."
             raise QgsProcessingException("\n".join(said) or nothing)
         for line in said:
@@ -159,7 +161,8 @@ class LloydarAlgorithm(QgsProcessingAlgorithm):
             results.update({name: figure for name, figure in figures.items() if figure is not None})
             for name, meaning in self._description.figures.items():
                 if results.get(name) is not None:
-                    feedback.pushInfo(f"{meaning}: {results[name]:.6g}" if name != "POINTS" else f"{results[name]:,} points")
+                    figure = f"{results[name]:,}" if name == "POINTS" else f"{results[name]:.6g}"
+                    feedback.pushInfo(f"{meaning}: {figure}")
             _write(values["OUTPUT"], output)
         elif command == "info":
             headers = read_headers(output)
@@ -209,7 +212,9 @@ def _load(values: dict[str, Any], context: QgsProcessingContext, feedback: QgsPr
     if not cloud.lower().endswith((".laz", ".las")):
         feedback.pushInfo(f"QGIS shows no point clouds of this format: {cloud} is written, and not loaded.")
     elif "pdal" not in QgsProviderRegistry.instance().providerList():
-        feedback.pushWarning(f"This QGIS is built without PDAL and shows no LAS, LAZ or COPC: {cloud} is written, and not loaded.")
+        feedback.pushWarning(
+            f"This QGIS is built without PDAL and shows no LAS, LAZ or COPC: {cloud} is written, and not loaded."
+        )
     else:
         _add_layer(cloud, "OUTPUT", HINT_POINT_CLOUD, context)
     if mesh and mesh.lower().endswith(".ply"):

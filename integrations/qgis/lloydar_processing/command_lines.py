@@ -1,4 +1,7 @@
-"""From the values of parameters to the words of a command line, and from results to figures. No QGIS is imported here."""
+"""From the values of parameters to the words of a command line, and from results to figures.
+
+No QGIS is imported here.
+"""
 
 from __future__ import annotations
 

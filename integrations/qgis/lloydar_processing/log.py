@@ -1,4 +1,7 @@
-"""The lines that ``lloydar --log json`` writes on standard error, as progress and messages. No QGIS is imported here."""
+"""The lines that ``lloydar --log json`` writes on standard error, as progress and messages.
+
+No QGIS is imported here.
+"""
 
 from __future__ import annotations
 
