@@ -61,7 +61,7 @@ impl ColorDepth {
             let index = names.iter().position(|n| *n == name)?;
             names
                 .iter()
-                .all(|name| is_byte(&name))
+                .all(is_byte)
                 .then_some(2 * (index % 3) + usize::from(index < 3))
         })
     }
