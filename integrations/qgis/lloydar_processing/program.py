@@ -33,7 +33,7 @@ class ProgramError(Exception):
 def usual_directories(home: Path | None = None) -> list[Path]:
     """Return the directories where cargo, pip and package managers put programs, even if PATH lacks them.
 
-    Desktop sessions often start QGIS with a shorter PATH than that of a shell.
+    Desktops often start QGIS with a shorter PATH than that of a shell.
     """
     home = Path.home() if home is None else home
     directories = [home / ".cargo" / "bin", home / ".local" / "bin"]
