@@ -13,17 +13,18 @@ fn commands(document: &str) -> Vec<String> {
         .collect()
 }
 
-#[test]
-fn every_command_of_the_tour_works() {
+/// Runs the commands of the document at `path` in a directory with a scan, and returns how many
+/// there are.
+fn run_commands(path: &str) -> usize {
     let dir = tempfile::tempdir().unwrap();
     let scans = street(dir.path());
+    assert_eq!(scans, dir.path().join("scans"), "documents name it");
     fs::copy(scans.join("pass-1.laz"), dir.path().join("scan.laz")).unwrap();
     let configs = dir.path().join("configs");
     fs::create_dir(&configs).unwrap();
     fs::copy("configs/low-memory.toml", configs.join("low-memory.toml")).unwrap();
-    let tour = commands(&fs::read_to_string("docs/TOUR.md").unwrap());
-    assert!(tour.len() > 10, "{tour:?}");
-    for command in tour {
+    let all = commands(&fs::read_to_string(path).unwrap());
+    for command in &all {
         let mut words = command.split_whitespace();
         assert_eq!(words.next(), Some("lloydar"), "{command}");
         let done = Command::new(PROGRAM)
@@ -34,4 +35,15 @@ fn every_command_of_the_tour_works() {
         let said = String::from_utf8_lossy(&done.stderr);
         assert!(done.status.success(), "{command}: {said}");
     }
+    all.len()
+}
+
+#[test]
+fn every_command_of_the_tour_works() {
+    assert!(run_commands("docs/TOUR.md") > 10);
+}
+
+#[test]
+fn every_command_of_the_recipes_works() {
+    assert!(run_commands("docs/RECIPES.md") > 7);
 }

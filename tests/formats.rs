@@ -149,6 +149,51 @@ fn tiles_are_the_cloud_cut_apart() {
 }
 
 #[test]
+fn colours_of_a_polygon_file_are_bytes_and_keep_all_their_bits() {
+    let dir = tempfile::tempdir().unwrap();
+    for (name, red, named) in [
+        ("eight", 200_u16, "uchar red_high"),
+        ("sixteen", 51_283, "uchar red_low"),
+    ] {
+        let scan = dir.path().join(format!("{name}-scan.ply"));
+        let mut content = "ply\nformat ascii 1.0\nelement vertex 1600\n".to_owned();
+        for property in ["double x", "double y", "double z"] {
+            content += &format!("property {property}\n");
+        }
+        for property in ["ushort red", "ushort green", "ushort blue"] {
+            content += &format!("property {property}\n");
+        }
+        for property in ["float nx", "float ny", "float nz"] {
+            content += &format!("property {property}\n");
+        }
+        content += "end_header\n";
+        for i in 0..1600 {
+            let (x, y) = (f64::from(i % 40) * 0.1, f64::from(i / 40) * 0.1);
+            content += &format!("{x} {y} 0 {red} 7 {} 0 0 1\n", red / 2);
+        }
+        fs::write(&scan, content).unwrap();
+        let [even, back] = ["ply", "laz"].map(|ending| dir.path().join(format!("{name}.{ending}")));
+        succeed(&scan, &even, &["--spacing", "0.4"]);
+        let bytes = fs::read(&even).unwrap();
+        let header = String::from_utf8_lossy(&bytes[..bytes.len().min(2000)]);
+        for property in ["uchar red ", "float nx", named] {
+            assert!(header.contains(&format!("property {property}")), "{header}");
+        }
+        succeed(
+            &even,
+            &back,
+            &["--spacing", "0.01", "--iterations", "0", "--fill", "0"],
+        );
+        let all = records(&back);
+        let color: Vec<u8> = [red, 7, red / 2]
+            .into_iter()
+            .flat_map(u16::to_le_bytes)
+            .collect();
+        assert!(all.len() > 50 && all.iter().all(|record| record[30..36] == color));
+    }
+}
+
+#[test]
 fn a_polygon_file_is_an_input_like_others() {
     let dir = tempfile::tempdir().unwrap();
     let scans = street(dir.path());

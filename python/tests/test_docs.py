@@ -49,7 +49,7 @@ def needed(code: str) -> set[str]:
 
 @pytest.mark.parametrize(
     ("document", "index"),
-    [("docs/PYTHON.md", i) for i in range(len(snippets("docs/PYTHON.md")))],
+    [(document, i) for document in ("docs/PYTHON.md", "docs/RECIPES.md") for i in range(len(snippets(document)))],
 )
 def test_a_snippet_runs(document: str, index: int, workplace: Path) -> None:
     code = snippets(document)[index]

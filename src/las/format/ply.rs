@@ -16,6 +16,57 @@ pub(in crate::las) const EXTRA_BYTES_COMMENT: &str = "extra bytes ";
 /// The comment that says that GPS times are adjusted standard times.
 pub(in crate::las) const STANDARD_TIME_COMMENT: &str = "gps time is adjusted standard time";
 
+/// The names of the extra bytes that hold unit normals, with those of PLY's properties.
+pub(in crate::las) const NORMAL_NAMES: [(&str, &str); 3] =
+    [("NormalX", "nx"), ("NormalY", "ny"), ("NormalZ", "nz")];
+
+/// The names of the colours, which programs expect to be bytes.
+pub(in crate::las) const COLOR_NAMES: [&str; 3] = ["red", "green", "blue"];
+
+/// How many bits the colours of a cloud have. LAS has two bytes for each; those that make the
+/// colour are named as programs expect it, the others stand beside them, so that nothing is lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::las) enum ColorDepth {
+    /// No value is greater than 255: the lower bytes are the colour.
+    Eight,
+    /// The upper bytes are the colour.
+    Sixteen,
+}
+
+impl ColorDepth {
+    /// The names of the upper bytes of red, green and blue, then those of the lower ones.
+    pub(in crate::las) fn names(self) -> [&'static str; 6] {
+        let [red, green, blue] = COLOR_NAMES;
+        match self {
+            Self::Eight => ["red_high", "green_high", "blue_high", red, green, blue],
+            Self::Sixteen => [red, green, blue, "red_low", "green_low", "blue_low"],
+        }
+    }
+
+    /// The lines of a header for these names, of the same length for both depths.
+    pub(in crate::las) fn header_lines(self) -> String {
+        let line = |name: &str| format!("property uchar {name:<10}\n");
+        self.names().into_iter().map(line).collect()
+    }
+
+    /// The offset of the byte `name` from the first byte of red in a record, if bytes of these
+    /// `properties` are the two halves of colours.
+    pub(super) fn offset_of_byte(name: &str, properties: &[Property]) -> Option<usize> {
+        let is_byte = |wanted: &&str| {
+            let mut all = properties.iter();
+            all.any(|(name, kind)| name == wanted && *kind == Scalar::Uint(1))
+        };
+        [Self::Eight, Self::Sixteen].into_iter().find_map(|depth| {
+            let names = depth.names();
+            let index = names.iter().position(|n| *n == name)?;
+            names
+                .iter()
+                .all(is_byte)
+                .then_some(2 * (index % 3) + usize::from(index < 3))
+        })
+    }
+}
+
 /// The first lines of a header: the format, and the coordinate reference system if one is known.
 pub(in crate::las) fn first_lines(crs: Option<&Crs>) -> String {
     let text = "ply\nformat binary_little_endian 1.0\ncomment lloydar\n";
@@ -200,6 +251,27 @@ mod tests {
             first.or(comment.strip_prefix(CRS_CONTINUED)).unwrap()
         });
         assert_eq!(parts.collect::<String>(), wkt);
+    }
+
+    #[test]
+    fn names_of_both_depths_fill_the_same_bytes_of_a_header() {
+        let [eight, sixteen] =
+            [ColorDepth::Eight, ColorDepth::Sixteen].map(ColorDepth::header_lines);
+        assert_eq!(eight.len(), sixteen.len());
+        assert!(sixteen.starts_with("property uchar red "));
+    }
+
+    #[test]
+    fn bytes_are_halves_of_colours_only_together() {
+        let byte = |name: &&str| ((*name).to_owned(), Scalar::Uint(1));
+        for (depth, offset) in [(ColorDepth::Eight, 2), (ColorDepth::Sixteen, 3)] {
+            let mut properties: Vec<Property> = depth.names().iter().map(byte).collect();
+            let of_green = |all: &[Property]| ColorDepth::offset_of_byte("green", all);
+            assert_eq!(of_green(&properties), Some(offset));
+            assert_eq!(ColorDepth::offset_of_byte("x", &properties), None);
+            properties.pop();
+            assert_eq!(of_green(&properties), None);
+        }
     }
 
     #[test]

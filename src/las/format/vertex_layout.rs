@@ -9,7 +9,7 @@ use super::{
         CLASSIFICATION, COLOR, COORDINATES, FLAGS, GPS_TIME, INTENSITY, NEAR_INFRARED,
         POINT_SOURCE, SCAN_ANGLE, USER_DATA, standard_length,
     },
-    ply::{Property, Scalar},
+    ply::{ColorDepth, NORMAL_NAMES, Property, Scalar},
     record::RecordView,
 };
 
@@ -56,9 +56,16 @@ impl VertexLayout {
                 fields.push(None);
                 continue;
             }
-            let field = standard_field(name, *kind, point_format).unwrap_or_else(|| {
+            let half = ColorDepth::offset_of_byte(name, properties).map(|offset| TargetField {
+                offset: COLOR[0].start + offset,
+                kind: Scalar::Uint(1),
+                factor: 1.0,
+            });
+            let field = half.or_else(|| standard_field(name, *kind, point_format));
+            let field = field.unwrap_or_else(|| {
                 let offset = end;
                 end += kind.bytes();
+                let name = las_name(name, properties);
                 extra_bytes.push(ExtraAttribute::named(name, kind.data_type()));
                 TargetField {
                     offset,
@@ -108,6 +115,20 @@ impl VertexLayout {
             }
         }
         true
+    }
+}
+
+/// The name of the extra bytes for the property `name`: normals have the name that our outputs
+/// give them.
+fn las_name<'a>(name: &'a str, properties: &[Property]) -> &'a str {
+    let has_normals = NORMAL_NAMES.iter().all(|(_, of_ply)| {
+        let mut all = properties.iter();
+        all.any(|(name, kind)| name == of_ply && *kind == Scalar::Float(4))
+    });
+    let normal = NORMAL_NAMES.iter().find(|(_, of_ply)| *of_ply == name);
+    match normal {
+        Some((of_las, _)) if has_normals => of_las,
+        _ => name,
     }
 }
 

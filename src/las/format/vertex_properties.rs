@@ -1,7 +1,9 @@
 //! From records of the run to the properties of vertices: the way back of
 //! [`vertex_layout`](super::vertex_layout).
 //!
-//! All attributes are carried but the returns, which are 1 of 1 for all points of an output.
+//! All attributes are carried but the returns, which are 1 of 1 for all points of an output. What
+//! programs for meshes know has the names and types that they expect: colours are bytes, and
+//! unit normals are `nx ny nz`, with 0 0 0 for an unknown one, because readers spread NaN.
 
 use std::ops::Range;
 
@@ -11,6 +13,7 @@ use super::{
         CLASSIFICATION, COLOR, FLAGS, GPS_TIME, INTENSITY, NEAR_INFRARED, POINT_SOURCE, SCAN_ANGLE,
         USER_DATA,
     },
+    ply::{COLOR_NAMES, ColorDepth, NORMAL_NAMES},
     record_format::RecordFormat,
 };
 
@@ -28,6 +31,8 @@ const PLY_TYPES: [(&str, usize); SCALAR_DATA_TYPES] = [
     ("float", 4),
     ("double", 8),
 ];
+/// The number of the type of single precision in descriptors of extra bytes.
+const SINGLE: u8 = 9;
 /// The indices of the unsigned and of the signed integers of 64 bits in [`PLY_TYPES`].
 const LONG_UNSIGNED: usize = 6;
 const LONG_SIGNED: usize = 7;
@@ -38,6 +43,8 @@ enum Conversion {
     Copied,
     RealOfUnsigned,
     RealOfSigned,
+    /// Single precision, zero for NaN.
+    KnownOrZero,
 }
 
 /// A property of the vertices, and the bytes of the record that it is made of.
@@ -63,8 +70,13 @@ impl VertexProperty {
             });
         };
         if record.has_color() {
-            for (name, bytes) in ["red", "green", "blue"].into_iter().zip(COLOR) {
-                add(name, "ushort", bytes);
+            // First the upper bytes, then the lower ones.
+            let names = ColorDepth::Sixteen.names();
+            for (name, bytes) in COLOR_NAMES.iter().zip(COLOR) {
+                add(name, "uchar", bytes.start + 1..bytes.end);
+            }
+            for (name, bytes) in names[3..].iter().zip(COLOR) {
+                add(name, "uchar", bytes.start..bytes.start + 1);
             }
         }
         if record.has_near_infrared() {
@@ -82,8 +94,20 @@ impl VertexProperty {
         add("point_source_id", "ushort", POINT_SOURCE);
         add("gps_time", "double", GPS_TIME);
         let mut offset = record.standard_length();
+        let has_normals = NORMAL_NAMES.iter().all(|(of_las, _)| {
+            let mut extras = record.extra_bytes.iter();
+            extras.any(|extra| extra.name == *of_las && extra.data_type() == SINGLE)
+        });
         for extra in &record.extra_bytes {
-            properties.extend(Self::of_extra_bytes(extra, offset));
+            let mut made = Self::of_extra_bytes(extra, offset);
+            let normal = NORMAL_NAMES
+                .iter()
+                .find(|(of_las, _)| extra.name == *of_las);
+            if let (true, Some((_, of_ply)), [only]) = (has_normals, normal, &mut made[..]) {
+                only.name = (*of_ply).to_owned();
+                only.conversion = Conversion::KnownOrZero;
+            }
+            properties.extend(made);
             offset += extra.length;
         }
         properties
@@ -130,6 +154,12 @@ impl VertexProperty {
             Conversion::Copied => out.extend(bytes),
             Conversion::RealOfUnsigned => out.extend((long() as f64).to_le_bytes()),
             Conversion::RealOfSigned => out.extend((long() as i64 as f64).to_le_bytes()),
+            Conversion::KnownOrZero => {
+                let value =
+                    f32::from_le_bytes(bytes.try_into().expect("single precision is four bytes"));
+                let known = if value.is_nan() { 0.0 } else { value };
+                out.extend(known.to_le_bytes());
+            }
         }
     }
 }
