@@ -11,6 +11,7 @@ mod isolated;
 mod layers;
 mod mesh;
 mod mesh_views;
+mod newcomer;
 mod program;
 mod resample;
 mod running;

@@ -183,7 +183,13 @@ fn wrong_requests_are_answered_with_a_reason_and_a_code() {
         (&scans, &output, &["--spacing", "NaN"], 2, "--spacing NaN"),
         (&scans, &output, &["--spacing", "500"], 1, "too wide"),
         (&scans, &output, &["--count", "5M"], 1, "300000 points"),
-        (&scans, &output, &[], 2, "give one of"),
+        (
+            &scans,
+            &output,
+            &["--count", "5", "--ratio", "2%"],
+            2,
+            "give one of",
+        ),
         (
             &scans,
             &output,

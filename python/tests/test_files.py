@@ -195,7 +195,7 @@ def test_files_that_cannot_be_used_are_named(street: list[Path], tmp_path: Path)
 @pytest.mark.parametrize(
     ("options", "error", "said"),
     [
-        ({}, lloydar.OptionError, "give one of spacing, count and ratio \\(0 given\\)"),
+        ({"spacing": 1, "count": 5}, lloydar.OptionError, "give one of spacing, count and ratio \\(2 given\\)"),
         ({"spacing": -1}, lloydar.OptionError, "spacing -1"),
         ({"spacing": "5 parsecs"}, lloydar.OptionError, "parsecs"),
         ({"spacing": 1, "seeds": "best"}, lloydar.OptionError, "hexagonal"),

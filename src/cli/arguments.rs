@@ -6,6 +6,8 @@ use clap::{Parser, Subcommand};
 
 use super::{
     cluster::{OtherProcesses, SharedJob, shard},
+    comparing::CompareArguments,
+    inputs::{DEFAULT_OUTPUT, Inputs},
     measuring::MeasureArguments,
     options::JobOptions,
     rendering::RenderArguments,
@@ -15,9 +17,21 @@ use super::{
 };
 use crate::config::Bytes;
 
+/// The commands to begin with.
+pub(super) const EXAMPLES: &str = "\
+To begin with:
+  lloydar run scan.laz
+        an even cloud, scan.even.copc.laz, and a report; the spacing is proposed from the scan
+  lloydar plan scan.laz
+        what that would take, and how many points other spacings give
+  lloydar run scans/*.laz -o city.laz --spacing 5cm --memory 4GiB
+        all scans of a directory as one cloud, five centimetres apart
+
+`lloydar --help` lists the commands, `lloydar run --help` the options of a job; `lloydar demo` makes its own scan.";
+
 /// Turns laser scans larger than memory into evenly spaced points.
 #[derive(Parser)]
-#[command(name = "lloydar", version, about, arg_required_else_help = true)]
+#[command(name = "lloydar", version, about, after_help = EXAMPLES)]
 pub(super) struct Arguments {
     #[command(subcommand)]
     pub(super) command: Command,
@@ -26,25 +40,27 @@ pub(super) struct Arguments {
 /// What is to be done.
 #[derive(Subcommand)]
 pub(super) enum Command {
-    /// Resample scans: the whole job; a job that was stopped is continued
+    /// Resample scans: the whole job; a job that was stopped is continued. Without --spacing,
+    /// --count or --ratio a spacing is proposed from the scans
     Run {
         #[command(flatten)]
         scans: Scans,
         /// The cloud to write: .copc.laz, .laz, .las or .ply, or a directory for
-        /// --output-tiles
-        #[arg(short, long, value_name = "FILE", default_value = "resampled.copc.laz")]
-        output: PathBuf,
+        /// --output-tiles [default: SCAN.even.copc.laz for one input, else resampled.copc.laz]
+        #[arg(short, long, value_name = "FILE")]
+        output: Option<PathBuf>,
         /// Delete what an earlier run left in the job directory, and begin anew
         #[arg(long)]
         restart: bool,
     },
-    /// Print what a run would take: tiles, memory, disk, time
+    /// Print what a run would take: tiles, memory, disk, time, and the points that other
+    /// spacings would give
     Plan {
         #[command(flatten)]
         scans: Scans,
-        /// The cloud that would be written
-        #[arg(short, long, value_name = "FILE", default_value = "resampled.copc.laz")]
-        output: PathBuf,
+        /// The cloud that would be written [default: that of `run`]
+        #[arg(short, long, value_name = "FILE")]
+        output: Option<PathBuf>,
         /// Print JSON
         #[arg(long)]
         json: bool,
@@ -57,7 +73,7 @@ pub(super) enum Command {
         #[command(flatten)]
         scans: Scans,
         /// The cloud to write
-        #[arg(short, long, value_name = "FILE", default_value = "resampled.copc.laz")]
+        #[arg(short, long, value_name = "FILE", default_value = DEFAULT_OUTPUT)]
         output: PathBuf,
     },
     /// First stage of a job of many processes: decode the scans and plan the tiles. With
@@ -67,7 +83,7 @@ pub(super) enum Command {
         #[command(flatten)]
         scans: Scans,
         /// The cloud to write in the end
-        #[arg(short, long, value_name = "FILE", default_value = "resampled.copc.laz")]
+        #[arg(short, long, value_name = "FILE", default_value = DEFAULT_OUTPUT)]
         output: PathBuf,
         /// Delete what an earlier run left in the job directory, and begin anew
         #[arg(long, conflicts_with = "shard")]
@@ -114,13 +130,14 @@ pub(super) enum Command {
     },
     /// Print the figures of uniformity of a cloud
     Measure(MeasureArguments),
+    /// Compare two clouds: the figures of both side by side, and a picture
+    Compare(CompareArguments),
     /// Draw a cloud: a picture in PNG
     Render(RenderArguments),
     /// Print the headers of scans, with notes on what is unusual in them
     Info {
-        /// LAS, LAZ, COPC and PLY files, directories of LAS and LAZ, patterns
-        #[arg(required = true, value_name = "INPUT")]
-        files: Vec<PathBuf>,
+        #[command(flatten)]
+        files: Inputs,
         /// Print JSON, one line a file
         #[arg(long)]
         json: bool,

@@ -10,7 +10,9 @@ use serde::Serialize;
 
 use super::{
     arguments::{Arguments, Command},
-    inspecting, measuring, rendering, report_no_panics_of_decoders,
+    comparing, inspecting, measuring,
+    proposing::{chosen_job, chosen_plan},
+    rendering, report_no_panics_of_decoders,
     running::{REPORT_FIGURES, run_and_report, with_ending},
     simulating,
 };
@@ -45,24 +47,26 @@ pub fn call(
         } => {
             let job = JobDescription {
                 restart,
-                ..scans.job(&output)?
+                ..chosen_job(&scans, output.as_deref(), progress, cancel)?.job
             };
             match run_and_report(&job, progress, cancel)? {
                 Some(done) => Ok(done.report.to_json()),
-                None => figures_beside(&output),
+                None => figures_beside(&job.output),
             }
         }
         Command::Plan { scans, output, .. } => {
-            Ok(json(&scans.job(&output)?.plan(progress, cancel)?))
+            let chosen = chosen_plan(&scans, output.as_deref(), progress, cancel)?;
+            Ok(json(&chosen.plan(progress, cancel)?))
         }
         Command::Measure(arguments) => Ok(json(&measuring::measured(&arguments)?)),
+        Command::Compare(arguments) => Ok(json(&comparing::compared(&arguments)?)),
         Command::Render(arguments) => rendering::draw(&arguments).map(|_| json(&())),
         Command::Simulate { street, output } => {
             Ok(json(&simulating::write_simulation(&street, &output)?))
         }
         Command::Info { files, .. } => {
             let header = |path: &Path| Ok(inspecting::as_json(&InputFile::survey(path)?));
-            let paths = expand_inputs(&files)?;
+            let paths = expand_inputs(&files.paths()?)?;
             let headers: Result<Vec<_>, JobError> = paths.iter().map(|path| header(path)).collect();
             Ok(json(&headers?))
         }

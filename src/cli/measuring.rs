@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{exit::DONE, printing::result, simulating};
+use super::{exit::DONE, inputs::Inputs, printing::result, simulating};
 use crate::{
     config::Bytes,
     job::{JobError, Measured, measure, measure_against_surface},
@@ -15,9 +15,8 @@ use crate::{
 /// Which cloud is measured, and against what.
 #[derive(Args)]
 pub(super) struct MeasureArguments {
-    /// LAS, LAZ and PLY files, directories, patterns
-    #[arg(required = true, value_name = "CLOUD")]
-    files: Vec<PathBuf>,
+    #[command(flatten)]
+    files: Inputs,
     /// The scans that the cloud was made from: adds the distances from the cloud to them, and
     /// from them to the cloud
     #[arg(long, num_args = 1.., value_name = "INPUT")]
@@ -52,7 +51,7 @@ pub(super) fn print_measured(arguments: &MeasureArguments) -> Result<u8, JobErro
 
 /// Measures a cloud.
 pub(super) fn measured(arguments: &MeasureArguments) -> Result<Measured, JobError> {
-    let files = &arguments.files;
+    let files = &arguments.files.paths()?;
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let memory = arguments.memory.map(|bytes| bytes.0);
     let temporary = std::env::temp_dir();
@@ -66,8 +65,11 @@ pub(super) fn measured(arguments: &MeasureArguments) -> Result<Measured, JobErro
     Ok(measured)
 }
 
+/// The name of the share of distances beyond 1.5 spacings.
+pub(super) const BEYOND: &str = "  farther than 1.5 spacings";
+
 /// Returns names and values of all figures.
-fn rows(measured: &Measured) -> Vec<(String, String)> {
+pub(super) fn rows(measured: &Measured) -> Vec<(String, String)> {
     let u = &measured.uniformity;
     let uniformity = [
         ("points", thousands(measured.points)),
@@ -105,7 +107,7 @@ fn rows(measured: &Measured) -> Vec<(String, String)> {
         rows.extend(distances("cloud to scans", accuracy));
         rows.extend(distances("scans to cloud", coverage));
         let share = format!("{:.3} %", 100.0 * coverage.share_beyond);
-        rows.push(("  farther than 1.5 spacings".to_owned(), share));
+        rows.push((BEYOND.to_owned(), share));
     }
     if let Some(truth) = &measured.truth {
         rows.extend(distances("cloud to true surfaces", truth));

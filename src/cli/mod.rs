@@ -9,15 +9,18 @@ mod allocator;
 mod arguments;
 mod calling;
 mod cluster;
+mod comparing;
 mod configuration;
 mod demo;
 mod exit;
+mod inputs;
 mod inspecting;
 mod manual;
 mod measuring;
 mod numbers;
 mod options;
 mod printing;
+mod proposing;
 mod rendering;
 mod running;
 mod scans;
@@ -28,10 +31,10 @@ mod terminal;
 
 use std::{ffi::OsString, sync::Once};
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 
 use crate::job::JobError;
-use arguments::{Arguments, Command};
+use arguments::{Arguments, Command, EXAMPLES};
 use printing::say;
 
 pub use calling::call;
@@ -44,6 +47,17 @@ pub use calling::call;
 pub fn run_process(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     allocator::own_process();
     report_no_panics_of_decoders();
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    if arguments.len() <= 1 {
+        say!(
+            "{}\n\n{EXAMPLES}",
+            Arguments::command()
+                .get_about()
+                .map(ToString::to_string)
+                .unwrap_or_default()
+        );
+        return exit::USAGE;
+    }
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
         Err(error) => {
@@ -85,12 +99,12 @@ fn dispatch(command: Command) -> Result<u8, JobError> {
             scans,
             output,
             restart,
-        } => running::run_job(&scans, &output, restart),
+        } => running::run_job(&scans, output.as_deref(), restart),
         Command::Plan {
             scans,
             output,
             json,
-        } => running::plan_job(&scans, &output, json),
+        } => running::plan_job(&scans, output.as_deref(), json),
         Command::Demo { output } => demo::demo(&output),
 
         // Many processes.
@@ -119,8 +133,9 @@ fn dispatch(command: Command) -> Result<u8, JobError> {
 
         // Clouds.
         Command::Measure(arguments) => measuring::print_measured(&arguments),
+        Command::Compare(arguments) => comparing::print_compared(&arguments),
         Command::Render(arguments) => rendering::draw(&arguments),
-        Command::Info { files, json } => inspecting::print_info(&files, json),
+        Command::Info { files, json } => inspecting::print_info(&files.paths()?, json),
         Command::Simulate { street, output } => simulating::simulate(&street, &output),
 
         // The program itself.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{exit::DONE, options::by_name};
+use super::{exit::DONE, inputs::Inputs, options::by_name};
 use crate::{
     job::{JobError, write_file},
     picture::View,
@@ -14,9 +14,8 @@ use crate::{
 /// Which clouds are drawn, and how.
 #[derive(Args)]
 pub(super) struct RenderArguments {
-    /// LAS, LAZ, COPC and PLY files, directories, patterns
-    #[arg(required = true, value_name = "CLOUD")]
-    files: Vec<PathBuf>,
+    #[command(flatten)]
+    files: Inputs,
     /// The picture (.png)
     #[arg(short, long, value_name = "FILE", default_value = "cloud.png", value_parser = png_path)]
     output: PathBuf,
@@ -35,7 +34,7 @@ pub(super) struct RenderArguments {
 }
 
 /// Reads `1600x900`: pixels to the right and downwards.
-fn pixels(text: &str) -> Result<[u32; 2], String> {
+pub(super) fn pixels(text: &str) -> Result<[u32; 2], String> {
     let size = text.split_once('x').and_then(|(width, height)| {
         let side = |text: &str| text.parse().ok().filter(|side| (1..=16_384).contains(side));
         Some([side(width)?, side(height)?])
@@ -51,6 +50,9 @@ pub(super) fn draw(arguments: &RenderArguments) -> Result<u8, JobError> {
         size: arguments.size,
         point_size: arguments.point_size,
     };
-    write_file(&arguments.output, &render(&arguments.files, &picture)?)?;
+    write_file(
+        &arguments.output,
+        &render(&arguments.files.paths()?, &picture)?,
+    )?;
     Ok(DONE)
 }

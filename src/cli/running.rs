@@ -9,22 +9,26 @@ use super::{
     exit::{DONE, INCOMPLETE},
     numbers::rounded,
     printing::result,
+    proposing::{PlannedSpacings, chosen_job, chosen_plan},
     scans::{Scans, length_unit},
     signals::{CANCEL, stop_on_signals},
     terminal::{Display, Terminal},
 };
 use crate::{
-    job::{InputCount, JobDescription, JobError, JobPlan, Progress, write_file},
+    job::{InputCount, JobDescription, JobError, Progress, write_file},
     report::{REPORT_PAGE, Report, VIEWER_PAGE, thousands},
 };
 
 /// Does the job of `scans`.
-pub(super) fn run_job(scans: &Scans, output: &Path, restart: bool) -> Result<u8, JobError> {
+pub(super) fn run_job(scans: &Scans, output: Option<&Path>, restart: bool) -> Result<u8, JobError> {
+    stop_on_signals();
+    let display = scans.display();
+    let chosen = chosen_job(scans, output, &Terminal::new(display), &CANCEL)?;
     let job = JobDescription {
         restart,
-        ..scans.job(output)?
+        ..chosen.job
     };
-    run_and_print(&job, scans.display())
+    run_and_print(&job, display)
 }
 
 /// Does `job`, writes its report beside the output, and prints a summary.
@@ -125,31 +129,35 @@ fn write_report(job: &JobDescription, report: &Report) -> Result<Vec<String>, Jo
 }
 
 /// Prints what the job of `scans` would take.
-pub(super) fn plan_job(scans: &Scans, output: &Path, json: bool) -> Result<u8, JobError> {
-    let job = scans.job(output)?;
+pub(super) fn plan_job(scans: &Scans, output: Option<&Path>, json: bool) -> Result<u8, JobError> {
     let terminal = Terminal::new(scans.display());
-    match job.plan(&terminal, &CANCEL)? {
-        None => result!("{} is complete already", output.display()),
-        Some(plan) if json => result!(
+    let chosen = chosen_plan(scans, output, &terminal, &CANCEL)?;
+    let unit = length_unit(&chosen.job);
+    match chosen.plan(&terminal, &CANCEL)? {
+        None => result!("{} is complete already", scans.output(output).display()),
+        Some(planned) if json => result!(
             "{}",
-            serde_json::to_string_pretty(&plan).unwrap_or_default()
+            serde_json::to_string_pretty(&planned).unwrap_or_default()
         ),
-        Some(plan) => print_plan(&plan, length_unit(&job)),
+        Some(planned) => print_plan(&planned, unit),
     }
     Ok(DONE)
 }
 
 /// Prints a plan whose lengths are in `unit`.
-fn print_plan(plan: &JobPlan, unit: &str) {
+fn print_plan(planned: &PlannedSpacings, unit: &str) {
+    let plan = &planned.plan;
     let mebibytes = |bytes: u64| format!("{} MiB", thousands(bytes >> 20));
     let length = |length: f64| format!("{} {unit}", rounded(length, plan.quantization.scale));
     let tiles = thousands(plan.plan.tiles.len() as u64);
+    let to_one = |points_out: u64| plan.points as f64 / points_out.max(1) as f64;
+    let out = |points_out: u64| {
+        let points = thousands(points_out);
+        format!("approx. {points}, {:.0} to one", to_one(points_out))
+    };
     let rows = [
         ("points in", thousands(plan.points)),
-        (
-            "points out",
-            format!("approx. {}", thousands(plan.points_out)),
-        ),
+        ("points out", out(plan.points_out)),
         ("spacing", format!("{:.4} {unit}", plan.spacing)),
         (
             "tiles",
@@ -168,5 +176,10 @@ fn print_plan(plan: &JobPlan, unit: &str) {
     ];
     for (name, value) in rows {
         result!("{name:<16} {value}");
+    }
+    for (index, other) in planned.spacings.iter().enumerate() {
+        let name = if index == 0 { "other spacings" } else { "" };
+        let spacing = format!("{} {unit}:", other.spacing);
+        result!("{name:<16} {spacing:<12} {}", out(other.points_out));
     }
 }

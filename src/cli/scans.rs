@@ -4,19 +4,18 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::{allocator, options::JobOptions, terminal::Display};
+use super::{allocator, inputs::Inputs, options::JobOptions, terminal::Display};
 use crate::{
     config::{Choices, OnBadFile},
-    job::{JobDescription, JobError, default_directory},
+    job::{JobDescription, JobError, default_directory, memory_budget},
     las::{Crs, InputFile, expand_inputs},
 };
 
 /// Inputs and options of a job.
 #[derive(Args)]
 pub(super) struct Scans {
-    /// LAS, LAZ, COPC and PLY files, directories of LAS and LAZ, patterns
-    #[arg(required = true, value_name = "INPUT")]
-    pub(super) inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(super) inputs: Inputs,
     /// Options from a TOML file; flags win
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -57,20 +56,41 @@ impl Scans {
         Ok(self.options.choices(self.config.as_deref())?)
     }
 
+    /// Returns the name of the output: `given`, or one that follows from the inputs.
+    pub(super) fn output(&self, given: Option<&Path>) -> PathBuf {
+        given.map_or_else(|| self.inputs.default_output(), Path::to_owned)
+    }
+
     /// Returns the job that writes `output`.
     ///
     /// # Errors
     ///
-    /// If the options cannot be used, or no input is found whose unit could be read where a
-    /// length has a unit.
+    /// If the options cannot be used, the list of inputs cannot be read, or no input is found whose unit
+    /// could be read where a length has a unit.
     pub(super) fn job(&self, output: &Path) -> Result<JobDescription, JobError> {
-        let choices = self.choices()?;
+        self.job_of(&self.choices()?, output)
+    }
+
+    /// Returns the job that writes `output` by `choices`.
+    ///
+    /// # Errors
+    ///
+    /// As for [`job`](Self::job).
+    pub(super) fn job_of(
+        &self,
+        choices: &Choices,
+        output: &Path,
+    ) -> Result<JobDescription, JobError> {
+        // Before a list is read from standard input: what starts the program anew could not read it again.
+        let memory = choices.memory.map(|bytes| bytes.0);
+        allocator::return_freed_memory(memory_budget(memory));
+        let inputs = self.inputs.paths()?;
         let metres = match choices.has_units() {
-            true => metres_per_unit(&self.inputs, choices.crs()?.as_ref())?,
+            true => metres_per_unit(&inputs, choices.crs()?.as_ref())?,
             false => None,
         };
-        let job = JobDescription {
-            inputs: self.inputs.clone(),
+        Ok(JobDescription {
+            inputs,
             output: output.to_owned(),
             mesh: choices.mesh.clone(),
             dir: choices
@@ -83,9 +103,7 @@ impl Scans {
             keep: choices.keep_job,
             skip_bad_files: choices.on_bad_file == Some(OnBadFile::Skip),
             restart: false,
-        };
-        allocator::return_freed_memory(job.memory());
-        Ok(job)
+        })
     }
 }
 

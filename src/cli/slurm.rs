@@ -14,7 +14,7 @@ use clap::Args;
 
 use super::{exit::DONE, options::flags_of, printing::result, running::with_ending, scans::Scans};
 use crate::{
-    config::Bytes,
+    config::{Bytes, ConfigError},
     job::{JobError, default_directory},
 };
 
@@ -114,7 +114,16 @@ impl<'a> Submission<'a> {
         let path = |path: &Path| quoted(&path.display().to_string());
         let program = std::env::current_exe().unwrap_or_else(|_| "lloydar".into());
         let program = path(&program);
-        let inputs: Vec<String> = scans.inputs.iter().map(|input| path(input)).collect();
+        let arguments = scans.inputs.arguments().iter();
+        let mut inputs: Vec<String> = arguments.map(|input| path(input)).collect();
+        match scans.inputs.list() {
+            Some(list) if list == Path::new("-") => {
+                return Err(JobError::Config(ConfigError::Words(
+                    "--from-list -: tasks of a cluster cannot read this standard input; give a file".into(),
+                )));
+            }
+            list => inputs.extend(list.map(|list| format!("--from-list {}", path(list)))),
+        }
         let flags: Vec<String> = flags_of(&choices).iter().map(|flag| quoted(flag)).collect();
         Ok(Self {
             slurm,

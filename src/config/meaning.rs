@@ -87,6 +87,11 @@ impl Choices {
         lengths.iter().flatten().any(|length| length.unit.is_some())
     }
 
+    /// Returns whether a density of the output is asked for.
+    pub(crate) fn has_density(&self) -> bool {
+        self.spacing.is_some() || self.count.is_some() || self.ratio.is_some()
+    }
+
     /// Returns what these choices mean, for a CRS whose unit has this length in metres, if
     /// that is known.
     ///

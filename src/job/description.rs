@@ -168,6 +168,11 @@ impl JobDescription {
     }
 }
 
+/// The peak memory in bytes of a job that requests this much, or nothing.
+pub(crate) fn memory_budget(requested: Option<u64>) -> u64 {
+    Budget::new(requested, 1).total
+}
+
 /// Creates and removes a file beside `path`.
 fn try_beside(path: &Path) -> Result<(), LasError> {
     let wrong = |e| LasError::new(path, format!("cannot be written: {e}"));

@@ -34,7 +34,7 @@ mod stages;
 mod tile_figures;
 
 pub(crate) use cluster::{JobStatus, Worker};
-pub(crate) use description::JobDescription;
+pub(crate) use description::{JobDescription, memory_budget};
 pub(crate) use directory::{default_directory, write_file};
 pub use error::JobError;
 pub(crate) use measure::{Measured, measure, measure_against_surface};

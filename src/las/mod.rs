@@ -29,6 +29,7 @@ pub(crate) use read::{
     arguments::expand_inputs,
     guard::is_decoding,
     input::InputFile,
+    list::read_list,
     point_filter::PointFilter,
     polygon_filter::PolygonFilter,
     stream::PointStream,

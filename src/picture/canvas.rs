@@ -9,7 +9,7 @@ const SHADING: f64 = 60.0;
 /// Distance between a pixel and those that are compared with its depth.
 const SHADING_REACH_IN_PIXELS: i64 = 2;
 /// The colour of pixels without points.
-const PAPER_COLOR: [u8; 3] = [251, 251, 249];
+pub(super) const PAPER_COLOR: [u8; 3] = [251, 251, 249];
 
 /// Colours and depths of all pixels, row by row from the upper left.
 #[derive(Clone, Debug)]
@@ -89,21 +89,35 @@ impl Canvas {
         picture
     }
 
+    /// Width and height, in pixels.
+    pub(super) fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
     /// Writes the shaded picture as PNG.
     ///
     /// # Errors
     ///
     /// If `out` takes no more.
     pub(crate) fn write_png(&self, out: impl Write) -> std::io::Result<()> {
-        let mut encoder = png::Encoder::new(out, self.size[0], self.size[1]);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        let mut writer = encoder.write_header().map_err(std::io::Error::other)?;
-        writer
-            .write_image_data(&self.shaded())
-            .and_then(|()| writer.finish())
-            .map_err(std::io::Error::other)
+        write_rgb(&self.shaded(), self.size, out)
     }
+}
+
+/// Writes `pixels`, three bytes each, of a picture of `size` as PNG.
+///
+/// # Errors
+///
+/// If `out` takes no more.
+pub(super) fn write_rgb(pixels: &[u8], size: [u32; 2], out: impl Write) -> std::io::Result<()> {
+    let mut encoder = png::Encoder::new(out, size[0], size[1]);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header().map_err(std::io::Error::other)?;
+    writer
+        .write_image_data(pixels)
+        .and_then(|()| writer.finish())
+        .map_err(std::io::Error::other)
 }
 
 /// The range of pixels on one axis that a disc around `middle` may cover.

@@ -4,6 +4,8 @@
 
 mod camera;
 mod canvas;
+mod sheet;
 
 pub(crate) use camera::{Camera, Scene, View};
 pub(crate) use canvas::Canvas;
+pub(crate) use sheet::write_sheet;

@@ -2,8 +2,11 @@
 //!
 //! How many sites a spacing gives depends on the surfaces, which nobody knows beforehand. So it is
 //! estimated: seeds are elected in parts of the cloud, and the spacing is changed until the estimate meets
-//! the count. Which parts these are depends on the cloud alone, not on tiles, threads or memory.
+//! the count. Which parts these are depends on the cloud alone, not on tiles, threads or memory. Where nothing is asked
+//! for, a round spacing is proposed ([`RoundSpacings`]).
 
+mod distinct;
+mod round;
 mod sample;
 mod search;
 #[cfg(test)]
@@ -11,6 +14,7 @@ mod tests;
 
 use serde::{Deserialize, Serialize};
 
+pub(crate) use round::{RoundSpacing, RoundSpacings, VoxelCounts};
 pub(crate) use search::{estimated_count, spacing_for_count};
 
 use crate::{

@@ -52,7 +52,7 @@ const NOT_CARRIED: f64 = -0.05;
 const LEAST_GROWTH: f64 = 0.05;
 /// Sites for each occupied double voxel, four fifths of a spacing wide, approximately: 0.49 on planes at all
 /// angles, 0.74 on planes along the axes.
-const SITES_PER_VOXEL: f64 = 0.58;
+pub(super) const SITES_PER_VOXEL: f64 = 0.58;
 /// With fewer sites for each point than this, voxels alone say how many sites a spacing gives: nothing is
 /// filled there, and seeds need not be elected.
 const DENSE_SITES_PER_POINT: f64 = 0.1;

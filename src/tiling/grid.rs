@@ -48,13 +48,12 @@ pub struct CellGrid {
 impl CellGrid {
     /// A grid of cells of `edge` (stored units), rounded up to whole counting squares.
     pub fn new(edge: i64) -> Self {
-        // At most 2²⁹, so that doubling an edge is far from overflow.
-        let squares = edge
-            .clamp(SQUARES_PER_CELL_EDGE, 1 << 29)
-            .div_euclid(SQUARES_PER_CELL_EDGE)
-            + i64::from(edge % SQUARES_PER_CELL_EDGE != 0);
+        // At most 2²⁹, so that doubling an edge is far from overflow. What is rounded is the bounded edge, so that
+        // the grid of an edge of a grid is that grid.
+        let edge = edge.clamp(SQUARES_PER_CELL_EDGE, 1 << 29);
+        let squares = (edge + SQUARES_PER_CELL_EDGE - 1) / SQUARES_PER_CELL_EDGE;
         Self {
-            edge: squares.max(1) * SQUARES_PER_CELL_EDGE,
+            edge: squares * SQUARES_PER_CELL_EDGE,
         }
     }
 
@@ -163,6 +162,15 @@ impl CellGrid {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_grid_of_an_edge_of_a_grid_is_that_grid() {
+        for edge in [-5, 0, 1, 8, 9, 1000, 1001, 1 << 29, (1 << 29) + 1, i64::MAX] {
+            let grid = CellGrid::new(edge);
+            assert_eq!(CellGrid::new(grid.edge()), grid, "{edge}");
+            assert!(grid.edge() >= edge.min(1 << 29) && grid.edge() % SQUARES_PER_CELL_EDGE == 0);
+        }
+    }
 
     #[test]
     fn a_point_lies_in_its_cell_and_in_its_square() {

@@ -71,7 +71,7 @@ pub(crate) fn render(files: &[PathBuf], options: &PictureOptions) -> Result<Vec<
 }
 
 /// A function that calls its argument with every record of a cloud.
-type VisitRecords<'a> = dyn Fn(&mut dyn FnMut(&[u8])) -> Result<(), ViewError> + 'a;
+pub(super) type VisitRecords<'a> = dyn Fn(&mut dyn FnMut(&[u8])) -> Result<(), ViewError> + 'a;
 
 /// Draws the `count` points of a cloud, which `visit` goes through twice, and encodes the picture
 /// as PNG; the result is empty if there are no points.
@@ -87,44 +87,104 @@ pub(crate) fn draw_picture(
     visit: &VisitRecords<'_>,
 ) -> Result<Vec<u8>, ViewError> {
     // The first pass: a sample with equal inclusion probabilities.
-    let threshold = (u64::MAX / count.max(1)).saturating_mul(PICTURE_SAMPLE_POINTS);
-    let (mut positions, mut colors) = (Vec::new(), ColorRanges::default());
-    visit(&mut |record| {
-        let point = Stored::of_record(record);
-        if count <= PICTURE_SAMPLE_POINTS || point.tie_break_hash() <= threshold {
-            positions.push(quantization.world(point));
-            colors.add(&DisplayAttributes::of_record(record, has_color));
-        }
-    })?;
-    colors.sort();
-    let Some(scene) = Scene::of(&positions, STRAY_COORDINATE_SHARE) else {
+    let mut sample = PictureSample::default();
+    sample.add_cloud(count, has_color, quantization, visit)?;
+    let Some(scene) = sample.scene() else {
         return Ok(Vec::new());
     };
     // The second pass: every point as a disc.
     let Scene { min, max, .. } = scene;
-    let camera = Camera::new(options.view, &scene, options.size);
     let ground_area = (max[0] - min[0]) * (max[1] - min[1]);
-    let diameter = options
-        .point_size
-        .unwrap_or_else(|| (ground_area / count as f64).sqrt());
-    let coloring = colors.resolve(options.coloring);
+    let frame = Frame {
+        camera: Camera::new(options.view, &scene, options.size),
+        heights: [min[2], max[2]],
+        colors: &sample.colors,
+        coloring: sample.colors.resolve(options.coloring),
+        has_color,
+        diameter: options
+            .point_size
+            .unwrap_or_else(|| (ground_area / count as f64).sqrt()),
+    };
     let mut canvas = Canvas::new(options.size);
-    visit(&mut |record| {
-        let position = quantization.world(Stored::of_record(record));
-        if let Some((at, depth, scale)) = camera.project(position) {
-            let height = (position[2] - min[2]) / (max[2] - min[2]).max(1e-9);
-            let attributes = DisplayAttributes::of_record(record, has_color);
-            let color = colors.color(coloring, &attributes, height);
-            canvas.disc(at, depth, 0.5 * diameter * scale, color);
-        }
-    })?;
+    visit(&mut |record| frame.draw(record, quantization, &mut canvas))?;
     let mut png = Vec::new();
     canvas.write_png(&mut png).map_err(ViewError::Encoding)?;
     Ok(png)
 }
 
+/// A sample of the points of clouds, by which camera and colours are chosen.
+#[derive(Default)]
+pub(super) struct PictureSample {
+    pub(super) positions: Vec<[f64; 3]>,
+    pub(super) colors: ColorRanges,
+}
+
+impl PictureSample {
+    /// Adds a sample, with equal inclusion probabilities, of a cloud of `count` points that `visit` goes through.
+    ///
+    /// # Errors
+    ///
+    /// The errors of `visit`.
+    pub(super) fn add_cloud(
+        &mut self,
+        count: u64,
+        has_color: bool,
+        quantization: &Quantization,
+        visit: &VisitRecords<'_>,
+    ) -> Result<(), ViewError> {
+        let threshold = (u64::MAX / count.max(1)).saturating_mul(PICTURE_SAMPLE_POINTS);
+        visit(&mut |record| {
+            let point = Stored::of_record(record);
+            if count <= PICTURE_SAMPLE_POINTS || point.tie_break_hash() <= threshold {
+                self.positions.push(quantization.world(point));
+                let attributes = DisplayAttributes::of_record(record, has_color);
+                self.colors.add(&attributes);
+            }
+        })?;
+        self.colors.sort();
+        Ok(())
+    }
+
+    /// The extent of the sample without strays; `None` without points.
+    pub(super) fn scene(&self) -> Option<Scene> {
+        Scene::of(&self.positions, STRAY_COORDINATE_SHARE)
+    }
+}
+
+/// How points are drawn on a frame.
+pub(super) struct Frame<'a> {
+    pub(super) camera: Camera,
+    /// The heights of the lowest and the highest colour (CRS units).
+    pub(super) heights: [f64; 2],
+    pub(super) colors: &'a ColorRanges,
+    /// What decides the colours, resolved.
+    pub(super) coloring: Coloring,
+    /// Whether records contain a colour.
+    pub(super) has_color: bool,
+    /// The diameter of the points (CRS units).
+    pub(super) diameter: f64,
+}
+
+impl Frame<'_> {
+    /// Draws the point of `record` on `canvas`, if the camera sees it.
+    pub(super) fn draw(&self, record: &[u8], quantization: &Quantization, canvas: &mut Canvas) {
+        let position = quantization.world(Stored::of_record(record));
+        if let Some((at, depth, scale)) = self.camera.project(position) {
+            let [lowest, highest] = self.heights;
+            let height = (position[2] - lowest) / (highest - lowest).max(1e-9);
+            let attributes = DisplayAttributes::of_record(record, self.has_color);
+            let color = self.colors.color(self.coloring, &attributes, height);
+            canvas.disc(at, depth, 0.5 * self.diameter * scale, color);
+        }
+    }
+}
+
 /// Calls `visit` with every record of `inputs`.
-fn visit_records(
+///
+/// # Errors
+///
+/// [`ViewError::Las`] if a file cannot be read.
+pub(super) fn visit_records(
     inputs: &[InputFile],
     record: &RecordFormat,
     quantization: Quantization,

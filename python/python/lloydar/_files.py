@@ -107,8 +107,8 @@ def run(
     progress : bool or callable, default False
         ``True`` shows bars of tqdm if it is installed; a callable is called with a `Progress`.
     spacing : float or str
-        Distance between neighbouring output points: in units of the CRS, or with a unit, ``"5cm"``. One of
-        `spacing`, `count` and `ratio` must be given.
+        Distance between neighbouring output points: in units of the CRS, or with a unit, ``"5cm"``. Without
+        `spacing`, `count` and `ratio` a round spacing is proposed from the scan; the report has it.
     count : int or str
         Number of output points: ``2_000_000``, ``"2M"``.
     ratio : float or str

@@ -106,8 +106,12 @@ fn check_signature(file: &mut BufReader<File>, path: &Path) -> Result<(), LasErr
 fn check_announcements(header: &raw::Header, bytes: u64) -> Result<(), String> {
     let version = header.version;
     if version.major != 1 || version.minor > 4 {
+        let remedy = match (version.major, version.minor) {
+            (1, 5) => ", 1.5 is not yet; convert it to LAS 1.4",
+            _ => "",
+        };
         return Err(format!(
-            "is LAS {}.{}; versions 1.0 to 1.4 are read",
+            "is LAS {}.{}; versions 1.0 to 1.4 are read{remedy}",
             version.major, version.minor
         ));
     }

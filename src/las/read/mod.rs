@@ -15,6 +15,7 @@ pub(super) mod guard;
 pub(super) mod input;
 mod las_reader;
 mod las_survey;
+pub(super) mod list;
 mod parts;
 pub(super) mod ply;
 mod ply_header;
