@@ -16,6 +16,7 @@ pub(super) mod input;
 mod las_reader;
 mod las_survey;
 mod parts;
+mod placement;
 pub(super) mod ply;
 mod ply_header;
 pub(super) mod point_filter;
