@@ -30,7 +30,7 @@ pub(super) enum Command {
     Run {
         #[command(flatten)]
         scans: Scans,
-        /// The cloud to write: .copc.laz, .laz, .las or .ply, or a directory for
+        /// The cloud to write: .copc.laz, .laz, .las, .ply or .pcd, or a directory for
         /// --output-tiles
         #[arg(short, long, value_name = "FILE", default_value = "resampled.copc.laz")]
         output: PathBuf,

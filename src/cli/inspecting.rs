@@ -60,7 +60,7 @@ pub(super) fn as_json(input: &InputFile) -> serde_json::Value {
 /// Returns what to do about coordinates in degrees, if the file has them.
 fn note_on_degrees(input: &InputFile) -> Option<String> {
     let is_geographic = input.crs.as_ref().is_some_and(Crs::is_geographic);
-    is_geographic.then(|| match input.utm_zone() {
+    (is_geographic && input.points_claimed > 0).then(|| match input.utm_zone() {
         Ok(zone) => format!(
             "coordinates are degrees; resample it with --reproject auto (EPSG:{}, {})",
             zone.code, zone.name
