@@ -8,6 +8,9 @@ use crate::geometry::{Rect, Stored};
 /// The number of counting squares along the edge of a block: records lie together by about as much.
 const SQUARES_PER_BLOCK: i64 = 8;
 
+/// Bytes by which a record is put in order.
+const ENTRY_BYTES: u64 = size_of::<([i64; 2], Stored, &[u8])>() as u64;
+
 /// Records by block of the plane, in a block by counting square, there by position, and at one position byte by byte.
 pub(super) struct OrderedRecords<'a> {
     records: &'a dyn SortedRecords,
@@ -94,7 +97,7 @@ impl<'a> OrderedRecords<'a> {
         let mut groups: Vec<Vec<[i64; 2]>> = Vec::new();
         let mut bytes = 0;
         for number in touched {
-            let more = self.squares[&number] * self.record_length as u64;
+            let more = self.squares[&number] * (self.record_length as u64 + ENTRY_BYTES);
             match groups.last_mut() {
                 Some(group)
                     if block(&group[0]) == block(&number) && bytes + more <= self.most_bytes =>
