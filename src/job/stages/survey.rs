@@ -116,7 +116,7 @@ impl Survey {
         if inputs.is_empty() {
             return Err(JobError::BadFiles(left_out));
         }
-        let mut inputs: Vec<InputFile> = inputs.into_iter().map(InputFile::as_surveyed).collect();
+        let mut inputs: Vec<InputFile> = inputs.into_iter().map(InputFile::into_surveyed).collect();
         if let Some(crs) = &requested.crs {
             for input in &mut inputs {
                 input.crs = Some(crs.clone());

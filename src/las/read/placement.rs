@@ -20,7 +20,7 @@ impl InputFile {
     ///
     /// A text that says why they cannot be.
     pub(crate) fn reprojected(self, reprojection: &Arc<Reprojection>) -> Result<Self, String> {
-        let surveyed = self.as_surveyed();
+        let surveyed = self.into_surveyed();
         let outside = || {
             format!(
                 "its bounds, {:?} to {:?}, lie where {} is not defined; is its CRS right? give another with --crs, or \
@@ -82,7 +82,7 @@ impl InputFile {
     }
 
     /// The input as its headers have it, before any reprojection.
-    pub(crate) fn as_surveyed(self) -> Self {
+    pub(crate) fn into_surveyed(self) -> Self {
         match self.placement {
             Some(placement) => Arc::unwrap_or_clone(placement.surveyed),
             None => self,
