@@ -45,7 +45,7 @@ pub(super) enum Command {
     Run {
         #[command(flatten)]
         scans: Scans,
-        /// The cloud to write: .copc.laz, .laz, .las or .ply, or a directory for
+        /// The cloud to write: .copc.laz, .laz, .las, .ply or .pcd, or a directory for
         /// --output-tiles [default: SCAN.even.copc.laz for one input, else resampled.copc.laz]
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,

@@ -53,7 +53,19 @@ pub(super) fn as_json(input: &InputFile) -> serde_json::Value {
         "has_standard_time": input.has_standard_time,
         "generating_software": input.generating_software,
         "extra_bytes": extra.collect::<Vec<_>>(),
-        "notes": input.notes,
+        "notes": input.notes.iter().cloned().chain(note_on_degrees(input)).collect::<Vec<_>>(),
+    })
+}
+
+/// Returns what to do about coordinates in degrees, if the file has them.
+fn note_on_degrees(input: &InputFile) -> Option<String> {
+    let is_geographic = input.crs.as_ref().is_some_and(Crs::is_geographic);
+    (is_geographic && input.points_claimed > 0).then(|| match input.utm_zone() {
+        Ok(zone) => format!(
+            "coordinates are degrees; resample it with --reproject auto (EPSG:{}, {})",
+            zone.code, zone.name
+        ),
+        Err(problem) => format!("coordinates are degrees, but {problem}"),
     })
 }
 
@@ -90,7 +102,7 @@ fn print_input(input: &InputFile) {
     for extra in &input.extra_bytes {
         result!("  extra    {} ({} bytes)", extra.name, extra.length);
     }
-    for note in &input.notes {
+    for note in input.notes.iter().chain(&note_on_degrees(input)) {
         result!("  note     {note}");
     }
 }

@@ -14,6 +14,7 @@ use crate::{
         Places, Share, Sides,
     },
     geometry::PatchKind,
+    las::{PcdEncoding, ReprojectionTarget, TileFormat},
     lloyd::{Acceleration, EdgeRule, IsolatedRule, SeedRule},
     mesh::MeshedPoints,
 };
@@ -155,6 +156,10 @@ struct InputOptions {
     /// of well-known text [default: the one that the headers state]
     #[arg(long, value_name = "CRS")]
     crs: Option<String>,
+    /// CRS to which inputs are reprojected as they are read: EPSG:32633, or auto for the UTM zone of their middle; all
+    /// lengths, --bounds and --polygon are in it [default: the one that the inputs have]
+    #[arg(long, value_name = "CRS")]
+    reproject: Option<ReprojectionTarget>,
     /// What to do with inputs that cannot be read: stop, or skip them and say so in
     /// the report [default: stop]
     #[arg(long, value_name = "POLICY", value_parser = by_name::<OnBadFile>)]
@@ -187,6 +192,16 @@ struct OutputOptions {
     /// file
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
     output_tiles: Option<Length>,
+    /// Format of the tiles: laz, or pcd with the index of Autoware [default: laz]
+    #[arg(long, value_name = "FORMAT", value_parser = by_name::<TileFormat>)]
+    format: Option<TileFormat>,
+    /// Encoding of PCD files: binary or compressed [default: binary]
+    #[arg(long, value_name = "ENCODING", value_parser = by_name::<PcdEncoding>)]
+    pcd: Option<PcdEncoding>,
+    /// Place with the coordinates 0, 0, 0 in PCD files, whose coordinates have 24 bits: x,y,z, or
+    /// mgrs, the corner of the square of 100 km [default: near the middle if that is far]
+    #[arg(long, value_name = "PLACE", allow_hyphen_values = true)]
+    pcd_origin: Option<String>,
     /// Write a mesh of the points, too: .ply, .obj or .glb
     #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
@@ -361,7 +376,7 @@ mod tests {
             .get_arguments()
             .filter_map(|o| o.get_long())
             .collect();
-        assert_eq!(names.len(), 35);
+        assert_eq!(names.len(), 39);
         for name in names {
             let known = toml::from_str::<Choices>(&format!("{name} = {{}}"));
             let error = known.unwrap_err().to_string();

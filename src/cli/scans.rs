@@ -8,7 +8,7 @@ use super::{allocator, inputs::Inputs, options::JobOptions, terminal::Display};
 use crate::{
     config::{Choices, OnBadFile},
     job::{JobDescription, JobError, default_directory, memory_budget},
-    las::{Crs, InputFile, expand_inputs},
+    las::{Crs, InputFile, ReprojectionTarget, expand_inputs},
 };
 
 /// Inputs and options of a job.
@@ -86,7 +86,7 @@ impl Scans {
         allocator::return_freed_memory(memory_budget(memory));
         let inputs = self.inputs.paths()?;
         let metres = match choices.has_units() {
-            true => metres_per_unit(&inputs, choices.crs()?.as_ref())?,
+            true => metres_per_unit(&inputs, choices.crs()?.as_ref(), choices.reproject)?,
             false => None,
         };
         Ok(JobDescription {
@@ -107,13 +107,25 @@ impl Scans {
     }
 }
 
-/// Returns the length in metres of the unit of `crs`, or else of the CRS of the first input
-/// that states one; `None` if that is not known.
+/// Returns the length in metres of the unit of the CRS to which the inputs are reprojected, or else of `crs`, or
+/// else of the CRS of the first input that states one; `None` if that is not known.
 ///
 /// # Errors
 ///
 /// If `inputs` name no file.
-fn metres_per_unit(inputs: &[PathBuf], crs: Option<&Crs>) -> Result<Option<f64>, JobError> {
+fn metres_per_unit(
+    inputs: &[PathBuf],
+    crs: Option<&Crs>,
+    reproject: Option<ReprojectionTarget>,
+) -> Result<Option<f64>, JobError> {
+    match reproject {
+        Some(ReprojectionTarget::Auto) => return Ok(Some(1.0)),
+        Some(ReprojectionTarget::Epsg(code)) => {
+            let target = Crs::of_epsg(code);
+            return Ok(target.and_then(|crs| crs.metres_per_unit()));
+        }
+        None => {}
+    }
     if let Some(crs) = crs {
         return Ok(crs.metres_per_unit());
     }
@@ -128,7 +140,8 @@ fn metres_per_unit(inputs: &[PathBuf], crs: Option<&Crs>) -> Result<Option<f64>,
 /// Returns the name of the unit in which lengths of `job` are printed: "m", "ft", or "CRS
 /// units" if the CRS is not known.
 pub(super) fn length_unit(job: &JobDescription) -> &'static str {
-    let metres = metres_per_unit(&job.inputs, job.settings.input.crs.as_ref());
+    let input = &job.settings.input;
+    let metres = metres_per_unit(&job.inputs, input.crs.as_ref(), input.reproject);
     unit_name(metres.unwrap_or_default())
 }
 

@@ -13,6 +13,7 @@ use super::{
 };
 use crate::{
     geometry::PatchKind,
+    las::{PcdEncoding, ReprojectionTarget, TileFormat},
     lloyd::{Acceleration, EdgeRule, IsolatedRule, SeedRule},
     mesh::MeshedPoints,
 };
@@ -91,6 +92,8 @@ pub(crate) struct Choices {
     pub(crate) polygon: Option<PathBuf>,
     /// The CRS of all inputs: a code, or a file of well-known text.
     pub(crate) crs: Option<String>,
+    /// The CRS to which the inputs are reprojected.
+    pub(crate) reproject: Option<ReprojectionTarget>,
     /// Where colour, near infrared and intensity are taken from.
     pub(crate) color: Option<ColorRule>,
     /// Where the class is taken from.
@@ -99,6 +102,12 @@ pub(crate) struct Choices {
     pub(crate) with: Option<Vec<Computed>>,
     /// The edge of the tiles that are written.
     pub(crate) output_tiles: Option<Length>,
+    /// The format of the tiles that are written.
+    pub(crate) format: Option<TileFormat>,
+    /// The encoding of PCD files.
+    pub(crate) pcd: Option<PcdEncoding>,
+    /// The place with the coordinates 0, 0, 0 in PCD files.
+    pub(crate) pcd_origin: Option<String>,
     /// The file for a mesh of the output.
     pub(crate) mesh: Option<PathBuf>,
     /// Which points have triangles.

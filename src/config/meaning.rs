@@ -7,13 +7,14 @@ use super::{
     choices::Choices,
     error::ConfigError,
     length::Length,
+    places::Places,
     rules::Computed,
     settings::{
         AttributeSettings, InputSettings, MeshSettings, ResourceSettings, Settings, TilingSettings,
     },
 };
 use crate::{
-    las::{Crs, PointFilter, PolygonFilter},
+    las::{Crs, PcdOptions, PcdOrigin, PointFilter, PolygonFilter, TileFormat},
     lloyd::{Restriction, SolverSettings},
     spacing::Target,
 };
@@ -114,10 +115,16 @@ impl Choices {
             input: InputSettings {
                 filter: self.filter()?,
                 crs: self.crs()?,
+                reproject: self.reproject,
             },
             attributes: self.attributes(),
             mesh: self.mesh_settings()?,
             output_tiles: unit.positive("--output-tiles", self.output_tiles)?,
+            tile_format: self.tile_format()?,
+            pcd: PcdOptions {
+                encoding: self.pcd.unwrap_or_default(),
+                origin: self.pcd_origin()?,
+            },
         })
     }
 
@@ -247,6 +254,37 @@ impl Choices {
             ))
         })?;
         Ok(Some(Crs::Wkt(content.trim().to_owned())))
+    }
+
+    fn tile_format(&self) -> Result<TileFormat, ConfigError> {
+        match (self.format, self.output_tiles) {
+            (Some(_), None) => Err(ConfigError::Words(
+                "--format is that of tiles; give --output-tiles, too, or choose the format of one file by its name"
+                    .into(),
+            )),
+            (format, _) => Ok(format.unwrap_or_default()),
+        }
+    }
+
+    fn pcd_origin(&self) -> Result<PcdOrigin, ConfigError> {
+        let Some(text) = &self.pcd_origin else {
+            return Ok(PcdOrigin::Near);
+        };
+        if text.eq_ignore_ascii_case("mgrs") {
+            return Ok(PcdOrigin::Mgrs);
+        }
+        match text
+            .parse::<Places>()
+            .as_ref()
+            .map(|places| places.0.as_slice())
+        {
+            Ok(&[place]) => Ok(PcdOrigin::At(place)),
+            _ => Err(ConfigError::Named {
+                option: "--pcd-origin",
+                value: text.clone(),
+                problem: "is neither mgrs nor a place like 431000,5400000,0".into(),
+            }),
+        }
     }
 
     fn mesh_settings(&self) -> Result<Option<MeshSettings>, ConfigError> {

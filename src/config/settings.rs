@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::rules::{ClassRule, ColorRule, Computed};
 use crate::{
-    las::{Crs, PointFilter},
+    las::{Crs, PcdOptions, PointFilter, ReprojectionTarget, TileFormat},
     lloyd::{SolverSettings, WantedCount},
     mesh::MeshedPoints,
     spacing::Target,
@@ -40,9 +40,20 @@ pub(crate) struct Settings {
     pub(crate) attributes: AttributeSettings,
     /// The edge of the tiles that are written; `None` stands for one file.
     pub(crate) output_tiles: Option<f64>,
+    /// The format of the tiles that are written.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub(crate) tile_format: TileFormat,
+    /// How PCD files are written.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub(crate) pcd: PcdOptions,
     /// How the mesh is made, if one is written beside the cloud.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) mesh: Option<MeshSettings>,
+}
+
+/// Whether an option has the value that it has where nothing is said.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// The memory and the threads that a job may use. They do not change its output.
@@ -71,6 +82,9 @@ pub(crate) struct InputSettings {
     pub(crate) filter: PointFilter,
     /// The CRS of all inputs; `None` stands for the one that they state.
     pub(crate) crs: Option<Crs>,
+    /// The CRS to which the inputs are reprojected; `None` stands for their own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) reproject: Option<ReprojectionTarget>,
 }
 
 /// Which attributes the points of the output have.
@@ -129,6 +143,8 @@ mod tests {
             input: InputSettings::default(),
             attributes: AttributeSettings::default(),
             output_tiles: None,
+            tile_format: TileFormat::default(),
+            pcd: PcdOptions::default(),
             mesh: None,
         }
     }

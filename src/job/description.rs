@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{
     config::{ResourceSettings, Settings},
-    las::{Format, LasError, MeshFormat, read_trajectory},
+    las::{Format, LasError, MeshFormat, TileFormat, read_trajectory},
 };
 
 /// A job: which scans are resampled, how, and to which output. Its JSON is handed over to other
@@ -54,9 +54,21 @@ impl JobDescription {
     /// [`LasError`] if the name has no ending of a known format, or has one but tiles are requested.
     pub(crate) fn format(&self) -> Result<Format, LasError> {
         let of_file = Format::of_path(&self.output);
-        match (self.settings.output_tiles, of_file) {
+        let settings = &self.settings;
+        match (settings.output_tiles, of_file) {
             (None, of_file) => of_file,
-            (Some(_), Err(_)) => Ok(Format::Tiles),
+            (Some(edge), Err(_))
+                if settings.tile_format == TileFormat::Pcd && edge.fract() != 0.0 =>
+            {
+                Err(LasError::new(
+                    &self.output,
+                    format!(
+                        "cannot have PCD tiles of {edge} units: their index has whole numbers only; choose a whole \
+                         --output-tiles"
+                    ),
+                ))
+            }
+            (Some(_), Err(_)) => Ok(Format::Tiles(settings.tile_format)),
             (Some(_), Ok(_)) => Err(LasError::new(
                 &self.output,
                 "is the name of a file; --output-tiles wants that of a directory",
@@ -66,7 +78,10 @@ impl JobDescription {
 
     /// Whether the points of the output are sorted by position before they are written.
     pub(crate) fn is_sorted(&self) -> bool {
-        matches!(self.format(), Ok(Format::Copc | Format::Tiles))
+        matches!(
+            self.format(),
+            Ok(Format::Copc | Format::Pcd | Format::Tiles(_))
+        )
     }
 
     /// The edge of the tiles of the mesh (CRS units), if it is written as tiles: where the cloud is, and the name of the

@@ -23,7 +23,7 @@ use crate::{
         AttributeSettings, Computed, InputSettings, MeshSettings, ResourceSettings, Settings,
         TilingSettings,
     },
-    las::Format,
+    las::{Format, PcdOptions, TileFormat},
     spacing::Target,
 };
 
@@ -126,6 +126,8 @@ fn level_job(
                 ..AttributeSettings::default()
             },
             output_tiles: None,
+            tile_format: TileFormat::default(),
+            pcd: PcdOptions::default(),
             mesh: Some(mesh.clone()),
         },
         overwrite: true,

@@ -18,6 +18,7 @@ use crate::{
         AttributeSettings, Computed, ConfigError, InputSettings, MeshSettings, ResourceSettings,
         Settings, TilingSettings,
     },
+    las::{PcdOptions, TileFormat},
     resample::{Options, ResampleError},
 };
 
@@ -60,7 +61,8 @@ const MAX_THREADS: usize = 1024;
 
 impl Job {
     /// A job from `inputs` to `output`. Inputs are files, directories and patterns such as
-    /// `scans/*.laz`. The ending of the output decides its format: `.copc.laz`, `.laz`, `.las` or `.ply`.
+    /// `scans/*.laz`. The ending of the output decides its format: `.copc.laz`, `.laz`, `.las`, `.ply` or
+    /// `.pcd`.
     pub fn new<P: Into<PathBuf>>(
         inputs: impl IntoIterator<Item = P>,
         output: impl Into<PathBuf>,
@@ -202,6 +204,8 @@ impl Job {
                     ..AttributeSettings::default()
                 },
                 output_tiles: None,
+                tile_format: TileFormat::default(),
+                pcd: PcdOptions::default(),
                 mesh: self.mesh.as_ref().map(|_| MeshSettings::default()),
             },
             overwrite: self.overwrites,

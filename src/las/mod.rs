@@ -1,4 +1,4 @@
-//! The only module that knows LAS, LAZ, COPC, PLY and E57.
+//! The only module that knows LAS, LAZ, COPC, PLY, E57 and PCD.
 //!
 //! Inputs of any version (1.0 to 1.4) and format (0 to 10), and files of vertices, become
 //! records of the run's one format (6, 7 or 8, with the union of the extra bytes) on the
@@ -7,13 +7,14 @@
 //!
 //! ```text
 //!   read    inputs   ─► records of the run
-//!   write   records  ─► LAS, LAZ, COPC, PLY, tiles
+//!   write   records  ─► LAS, LAZ, COPC, PLY, PCD, tiles
 //!   format  what stands where in the bytes of files and records
 //! ```
 
 mod error;
 mod format;
 mod read;
+mod reproject;
 mod write;
 
 pub(crate) use ::las::Vlr;
@@ -39,6 +40,7 @@ pub use read::{
     counts::PointCounts,
     ply::{PlyFile, PlyStream},
 };
+pub(crate) use reproject::{Reprojection, ReprojectionTarget, UtmZone, zone_around};
 pub(crate) use write::mesh::{
     format::MeshFormat,
     header::{MeshHeader, MeshVertex},
@@ -49,7 +51,9 @@ pub(crate) use write::mesh::{
 pub(crate) use write::{
     cloud::{CloudHeader, Workspace},
     output_format::Format,
+    pcd_options::{PcdEncoding, PcdOptions, PcdOrigin},
     squares::Squares,
     store::{RecordSorter, SortedRecords, SortingSpace, StoreError},
+    tile_format::TileFormat,
     writer::{CloudWriter, CompleteCloud},
 };

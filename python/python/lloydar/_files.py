@@ -66,6 +66,7 @@ class JobOptions(TypedDict, total=False):
     bounds: Sequence[float] | str | None
     polygon: PathLike | None
     crs: str | PathLike | None
+    reproject: str | None
     on_bad_file: Literal["stop", "skip"] | None
     color: Literal["nearest", "mean"] | None
     #: "class" is a word of Python: the option --class has this name.
@@ -73,6 +74,9 @@ class JobOptions(TypedDict, total=False):
     #: "with" is a word of Python: the option --with has this name.
     with_: str | Iterable[str] | None
     output_tiles: Length | None
+    format: Literal["laz", "pcd"] | None
+    pcd: Literal["binary", "compressed"] | None
+    pcd_origin: Sequence[float] | str | None
     mesh: PathLike | None
     mesh_of: Literal["surfaces", "all"] | None
     scanner: Sequence[float] | Sequence[Sequence[float]] | str | None
@@ -100,7 +104,7 @@ def run(
     inputs : path or list of paths
         LAS, LAZ, COPC and PLY files, directories, patterns such as ``scans/*.laz``.
     output : path
-        The ending decides the format: ``.copc.laz``, ``.laz``, ``.las`` or ``.ply``; with `output_tiles` it is a
+        The ending decides the format: ``.copc.laz``, ``.laz``, ``.las``, ``.ply`` or ``.pcd``; with `output_tiles` it is a
         directory.
     restart : bool, default False
         Discard what an earlier run left in the job directory.
@@ -143,6 +147,9 @@ def run(
         Keep only the points in the polygons of a file: well-known text or GeoJSON.
     crs : str, optional
         The CRS of all inputs, in place of what their headers state: ``"EPSG:32633"``.
+    reproject : str, optional
+        The CRS to which inputs are reprojected as they are read: ``"EPSG:32633"``, or ``"auto"`` for the UTM zone of
+        their middle. Lengths, `bounds` and `polygon` are in it.
     on_bad_file : {"stop", "skip"}, optional
         What to do with inputs that cannot be read.
     color : {"nearest", "mean"}, optional
@@ -153,6 +160,12 @@ def run(
         Extra attributes: ``"normals"``, ``"curvature"``, ``"area"``, ``"density"``, ``"distance"``.
     output_tiles : float or str, optional
         Write a directory of square tiles with this edge.
+    format : {"laz", "pcd"}, optional
+        Format of the tiles; pcd: with the index of Autoware.
+    pcd : {"binary", "compressed"}, optional
+        Encoding of PCD files.
+    pcd_origin : (x, y, z) or "mgrs", optional
+        Place with the coordinates 0, 0, 0 in PCD files, whose coordinates have 24 bits.
     mesh : path, optional
         Write a mesh of the points, too: ``.ply``, ``.obj`` or ``.glb``; with `output_tiles` also a directory.
     mesh_of : {"surfaces", "all"}, optional

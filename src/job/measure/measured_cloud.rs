@@ -68,7 +68,8 @@ pub(crate) fn measure(
 ) -> Result<Measured, JobError> {
     // Several threads of a process may measure at once.
     static MEASUREMENTS: AtomicU64 = AtomicU64::new(0);
-    let (cloud, scans) = (survey(files)?, survey(against)?);
+    let cloud = survey(files)?;
+    let scans = in_crs_of(&cloud, survey(against)?)?;
     let (process, number) = (
         std::process::id(),
         MEASUREMENTS.fetch_add(1, Ordering::Relaxed),
@@ -91,6 +92,29 @@ fn survey(paths: &[PathBuf]) -> Result<Vec<InputFile>, JobError> {
         .iter()
         .map(|path| InputFile::survey(path))
         .collect::<Result<_, _>>()?)
+}
+
+/// The `scans` in the CRS of `cloud`, if theirs is another one.
+///
+/// # Errors
+///
+/// [`JobError::Inputs`] with every scan from whose CRS there is no way to that of the cloud.
+fn in_crs_of(cloud: &[InputFile], scans: Vec<InputFile>) -> Result<Vec<InputFile>, JobError> {
+    let Some(target) = cloud.iter().find_map(|file| file.crs.as_ref()) else {
+        return Ok(scans);
+    };
+    let (mut done, mut problems) = (Vec::new(), Vec::new());
+    for scan in scans {
+        let path = scan.path.display().to_string();
+        match scan.in_crs(target) {
+            Ok(scan) => done.push(scan),
+            Err(problem) => problems.push(format!("{path}: {problem}")),
+        }
+    }
+    match problems.is_empty() {
+        true => Ok(done),
+        false => Err(JobError::Inputs(problems)),
+    }
 }
 
 /// Measures `cloud`, and compares it with `scans`, with temporary files in `dir`.

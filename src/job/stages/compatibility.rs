@@ -1,6 +1,6 @@
 //! Whether inputs can be merged into one cloud.
 
-use crate::las::{Crs, InputFile};
+use crate::las::{Crs, InputFile, UtmZone};
 
 /// Lists what keeps `inputs` from being merged, with the path of the input in each: geographic
 /// coordinates, another CRS than the first input's, another kind of GPS time.
@@ -15,9 +15,14 @@ pub(super) fn differences(inputs: &[InputFile]) -> Vec<String> {
 fn geographic(inputs: &[InputFile]) -> impl Iterator<Item = String> {
     let is_geographic = |input: &&InputFile| input.crs.as_ref().is_some_and(Crs::is_geographic);
     inputs.iter().filter(is_geographic).map(|input| {
+        let remedy = input.utm_zone().map_or_else(
+            |problem| problem,
+            |UtmZone { code, name }| {
+                format!("reproject it with --reproject EPSG:{code} ({name}), or --reproject auto")
+            },
+        );
         format!(
-            "{}: coordinates are degrees, in which a spacing means nothing; reproject it to a \
-             system in metres or feet",
+            "{}: coordinates are degrees, in which a spacing means nothing; {remedy}",
             input.path.display()
         )
     })
@@ -35,8 +40,8 @@ fn other_crs(inputs: &[InputFile]) -> Vec<String> {
     };
     let others = rest.iter().filter(is_other).map(|input| {
         format!(
-            "{}: its CRS ({}) is not that of {} ({}); reproject one of them, or, if they are the \
-             same in truth, give --crs",
+            "{}: its CRS ({}) is not that of {} ({}); reproject all of them (--reproject auto, \
+             or EPSG:…), or, if they are the same in truth, give --crs",
             input.path.display(),
             name(&input.crs),
             first.path.display(),

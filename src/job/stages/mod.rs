@@ -25,6 +25,7 @@ pub(crate) mod plan;
 pub(crate) mod planned_job;
 pub(crate) mod preparation;
 mod provenance;
+mod reprojection;
 mod round_spacings;
 pub(crate) mod scan_groups;
 pub(crate) mod scatter;

@@ -202,6 +202,7 @@ fn create_writer(
     let workspace = Workspace {
         spacing: solver.options.spacing,
         tile_edge: job.settings.output_tiles.unwrap_or(0.0),
+        pcd: job.settings.pcd,
         sorting: Arc::new(SpillSpace {
             stem: scratch.path().join("octree"),
             buffer_bytes: run.budget.buffers(),

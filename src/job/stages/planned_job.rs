@@ -28,7 +28,7 @@ impl PlannedJob {
         let mut mesh = settings.mesh.clone().unwrap_or_default();
         if mesh.scanners.is_empty() && mesh.trajectory.is_none() {
             let inputs = self.survey.inputs.iter();
-            mesh.scanners = inputs.flat_map(InputFile::stations).copied().collect();
+            mesh.scanners = inputs.flat_map(InputFile::stations).collect();
         }
         mesh
     }

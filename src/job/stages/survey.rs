@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use rayon::prelude::*;
 
-use super::compatibility::differences;
+use super::{compatibility::differences, reprojection::reprojected};
 use crate::{
     config::Settings,
     geometry::Quantization,
     job::error::{JobError, LeftOut},
-    las::{Crs, InputFile, PointFilter, RecordFormat, Vlr, expand_inputs},
+    las::{Crs, InputFile, PointFilter, RecordFormat, ReprojectionTarget, Vlr, expand_inputs},
     spacing::Target,
 };
 
@@ -41,6 +41,8 @@ struct Requested {
     target: Target,
     /// The CRS of all inputs, whatever their headers state.
     crs: Option<Crs>,
+    /// The CRS to which they are reprojected.
+    reproject: Option<ReprojectionTarget>,
     filter: PointFilter,
 }
 
@@ -80,6 +82,7 @@ impl Survey {
         let requested = Requested {
             target: settings.target,
             crs: settings.input.crs.clone(),
+            reproject: settings.input.reproject,
             filter: settings.input.filter.clone(),
         };
         Self::merge(inputs, left_out, requested)
@@ -102,7 +105,7 @@ impl Survey {
 
     /// The survey of `inputs`.
     fn merge(
-        mut inputs: Vec<InputFile>,
+        inputs: Vec<InputFile>,
         mut left_out: Vec<LeftOut>,
         requested: Requested,
     ) -> Result<Self, JobError> {
@@ -113,10 +116,14 @@ impl Survey {
         if inputs.is_empty() {
             return Err(JobError::BadFiles(left_out));
         }
+        let mut inputs: Vec<InputFile> = inputs.into_iter().map(InputFile::into_surveyed).collect();
         if let Some(crs) = &requested.crs {
             for input in &mut inputs {
                 input.crs = Some(crs.clone());
             }
+        }
+        if let Some(target) = requested.reproject {
+            inputs = reprojected(inputs, target)?;
         }
         let problems = differences(&inputs);
         if !problems.is_empty() {
@@ -234,7 +241,7 @@ fn claimed_bounds(inputs: &[InputFile]) -> ([f64; 3], [f64; 3]) {
 fn quantization(inputs: &[InputFile], target: Target) -> Quantization {
     let scale = inputs
         .iter()
-        .flat_map(|input| input.scale)
+        .map(InputFile::finest_scale)
         .fold(f64::INFINITY, f64::min);
     let (min, max) = claimed_bounds(inputs);
     Quantization::for_spacing(min, max, scale, target.spacing_of_a_square(min, max))

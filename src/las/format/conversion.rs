@@ -3,6 +3,8 @@
 //! Inputs of formats 0 to 5 have other flags ([`modern_flags`]); attributes that an input
 //! lacks become zeros, or the no-data value that is declared for them.
 
+use std::sync::Arc;
+
 use ::las::point::Format;
 
 use super::{
@@ -10,7 +12,7 @@ use super::{
     fields::{COLOR, GPS_TIME, INTENSITY, RETURNS, coordinates, scan_angle_units},
     record_format::RecordFormat,
 };
-use crate::geometry::Quantization;
+use crate::{geometry::Quantization, las::reproject::Reprojection};
 
 /// The offset of the GPS time in formats 1 and 3 to 5.
 const LEGACY_GPS_TIME: usize = 20;
@@ -60,6 +62,8 @@ pub(in crate::las) struct RecordConverter {
     has_color: bool,
     has_near_infrared: bool,
     extras: Vec<ExtraSource>,
+    /// The way of the points to the CRS of the run, if they take one.
+    reprojection: Option<Arc<Reprojection>>,
 }
 
 impl RecordConverter {
@@ -93,22 +97,34 @@ impl RecordConverter {
             has_color: record.has_color(),
             has_near_infrared: record.has_near_infrared(),
             extras: sources.map(|extra| input.source_of(extra)).collect(),
+            reprojection: None,
         }
     }
 
-    /// The world coordinates of the input's record `raw`.
-    pub(in crate::las) fn world(&self, raw: &[u8]) -> [f64; 3] {
-        let stored = coordinates(raw);
-        [0, 1, 2].map(|axis| f64::from(stored[axis]) * self.scale[axis] + self.offset[axis])
+    /// The converter that also brings points to another CRS, if there is a way to it.
+    pub(in crate::las) fn with_reprojection(self, reprojection: Option<Arc<Reprojection>>) -> Self {
+        Self {
+            reprojection,
+            ..self
+        }
     }
 
-    /// Appends the run's form of the input's record `raw` to `out`. Returns `false` and
-    /// appends nothing if the point lies outside of the range of the quantization.
-    pub(in crate::las) fn convert(&self, raw: &[u8], out: &mut Vec<u8>) -> bool {
-        let world = self.world(raw);
-        let Some(point) = self.quantization.quantise(world) else {
-            return false;
-        };
+    /// The world coordinates of the input's record `raw`, in the CRS of the run; `None` where that has none.
+    fn world(&self, raw: &[u8]) -> Option<[f64; 3]> {
+        let stored = coordinates(raw);
+        let world =
+            [0, 1, 2].map(|axis| f64::from(stored[axis]) * self.scale[axis] + self.offset[axis]);
+        match &self.reprojection {
+            Some(reprojection) => reprojection.point(world),
+            None => Some(world),
+        }
+    }
+
+    /// Appends the run's form of the input's record `raw` to `out`, and returns its world coordinates. Returns `None`
+    /// and appends nothing if the point lies outside of the range of the quantization, or of the CRS of the run.
+    pub(in crate::las) fn convert(&self, raw: &[u8], out: &mut Vec<u8>) -> Option<[f64; 3]> {
+        let world = self.world(raw)?;
+        let point = self.quantization.quantise(world)?;
         for c in [point.x, point.y, point.z] {
             out.extend(c.to_le_bytes());
         }
@@ -147,7 +163,7 @@ impl RecordConverter {
                 ExtraSource::Absent(value) => out.extend(value),
             }
         }
-        true
+        Some(world)
     }
 }
 

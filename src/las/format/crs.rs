@@ -7,7 +7,12 @@
 use ::las::Vlr;
 use serde::{Deserialize, Serialize};
 
-use super::{geotiff, wkt};
+use super::{
+    geotiff,
+    vertical::{VerticalSystem, horizontal_part, vertical_part},
+    wkt,
+    wkt_node::WktNode,
+};
 
 /// A coordinate reference system.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -125,6 +130,27 @@ impl Crs {
         }
     }
 
+    /// The EPSG code of the horizontal system, if it is stated.
+    pub(in crate::las) fn horizontal_code(&self) -> Option<u16> {
+        match self {
+            Self::Wkt(text) => horizontal_part(&WktNode::parse(text)?)?.epsg(),
+            Self::GeoTiff { horizontal, .. } => *horizontal,
+        }
+    }
+
+    /// The vertical system, if one is stated.
+    pub(in crate::las) fn vertical(&self) -> Option<VerticalSystem> {
+        match self {
+            Self::Wkt(text) => vertical_part(&WktNode::parse(text)?),
+            Self::GeoTiff {
+                vertical, records, ..
+            } => {
+                let metres = directory_of(records).and_then(geotiff::metres_per_vertical_unit);
+                vertical.map(|code| VerticalSystem::of_code(code, metres))
+            }
+        }
+    }
+
     /// A short name for tables: the EPSG code, or the name in the text.
     pub(crate) fn name(&self) -> String {
         match self {
@@ -157,10 +183,9 @@ impl Crs {
             } => {
                 let code = (*horizontal)?;
                 let horizontal = text(code)?;
-                // Vertical systems are not in every table of codes, and a compound system
-                // without the vertical text would not be valid.
-                Some(match vertical.and_then(text) {
+                Some(match vertical.and(self.vertical()) {
                     Some(vertical) => {
+                        let vertical = vertical.wkt();
                         format!("COMPD_CS[\"EPSG:{code} + height\",{horizontal},{vertical}]")
                     }
                     None => horizontal.to_owned(),

@@ -19,8 +19,9 @@ pub(super) const GEOGRAPHIC_MODEL: u16 = 2;
 pub(super) const GEODETIC_SYSTEM: u16 = 2048;
 pub(super) const PROJECTED_SYSTEM: u16 = 3072;
 pub(super) const VERTICAL_SYSTEM: u16 = 4096;
-/// The key of the linear unit of a projected system.
+/// The keys of the linear unit of a projected system, and of the unit of heights.
 const LINEAR_UNIT: u16 = 3076;
+const VERTICAL_UNIT: u16 = 4099;
 
 /// The value of the key `wanted`, if it stands in the directory itself.
 pub(super) fn value_of_key(directory: &[u8], wanted: u16) -> Option<u16> {
@@ -43,7 +44,16 @@ pub(super) fn code_of_key(directory: &[u8], wanted: u16) -> Option<u16> {
 /// Metres to the linear unit of a projected system, if it is one of the metre, the
 /// international foot and the US survey foot.
 pub(super) fn metres_per_linear_unit(directory: &[u8]) -> Option<f64> {
-    match value_of_key(directory, LINEAR_UNIT) {
+    metres_per_unit(directory, LINEAR_UNIT)
+}
+
+/// Metres to the unit of heights, if it is one of the metre, the international foot and the US survey foot.
+pub(super) fn metres_per_vertical_unit(directory: &[u8]) -> Option<f64> {
+    metres_per_unit(directory, VERTICAL_UNIT)
+}
+
+fn metres_per_unit(directory: &[u8], key: u16) -> Option<f64> {
+    match value_of_key(directory, key) {
         Some(9001) => Some(1.0),
         Some(9002) => Some(0.3048),
         Some(9003) => Some(1200.0 / 3937.0),

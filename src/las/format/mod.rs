@@ -14,5 +14,7 @@ pub(super) mod record;
 pub(super) mod record_format;
 pub(super) mod vertex_layout;
 pub(super) mod vertex_properties;
+pub(super) mod vertical;
 pub(super) mod vlr;
 mod wkt;
+pub(super) mod wkt_node;

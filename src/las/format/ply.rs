@@ -71,11 +71,11 @@ impl ColorDepth {
 pub(in crate::las) fn first_lines(crs: Option<&Crs>) -> String {
     let text = "ply\nformat binary_little_endian 1.0\ncomment lloydar\n";
     let wkt = crs.and_then(Crs::wkt_in_one_line).unwrap_or_default();
-    text.to_owned() + &crs_lines(&wkt)
+    text.to_owned() + &crs_lines("comment ", &wkt)
 }
 
-/// The lines of a header that state a coordinate reference system, by its WKT in one line.
-fn crs_lines(wkt: &str) -> String {
+/// The lines of a header that state a coordinate reference system, by its WKT in one line; `mark` begins a comment.
+pub(in crate::las) fn crs_lines(mark: &str, wkt: &str) -> String {
     let mut text = String::new();
     let (mut rest, mut beginning) = (wkt, CRS_COMMENT);
     while !rest.is_empty() {
@@ -88,7 +88,7 @@ fn crs_lines(wkt: &str) -> String {
         };
         let longest = rest.len().min(LONGEST_CRS_PART);
         let at = (1..=longest).rev().find(is_whole).unwrap_or(rest.len());
-        text += &format!("comment {beginning}{}\n", &rest[..at]);
+        text += &format!("{mark}{beginning}{}\n", &rest[..at]);
         rest = &rest[at..];
         beginning = CRS_CONTINUED;
     }
@@ -238,7 +238,7 @@ mod tests {
     #[test]
     fn a_long_crs_is_stated_in_lines_that_every_reader_takes() {
         let wkt = format!("COMPD_CS[\"{}\"]", "Höhe über NHN ".repeat(200));
-        let lines = crs_lines(&wkt);
+        let lines = crs_lines("comment ", &wkt);
         assert!(lines.lines().count() > 2);
         assert!(
             lines

@@ -7,8 +7,9 @@ use ::las::{Vlr, point::Format};
 #[cfg(feature = "e57")]
 use super::e57::E57File;
 use super::ply::PlyFile;
-use crate::las::format::{
-    chunk_table::Chunk, conversion::InputLayout, crs::Crs, extra_bytes::ExtraAttribute,
+use crate::las::{
+    format::{chunk_table::Chunk, conversion::InputLayout, crs::Crs, extra_bytes::ExtraAttribute},
+    reproject::Reprojection,
 };
 
 /// The most points that are decoded at a time.
@@ -52,6 +53,18 @@ pub(crate) struct InputFile {
     pub(crate) notes: Vec<String>,
     pub(super) format: Format,
     pub(super) entry_points: EntryPoints,
+    /// The way of the points to another CRS, if they take one: bounds and CRS are those after it.
+    pub(super) placement: Option<Placement>,
+}
+
+/// The way of an input to the CRS of the run.
+#[derive(Clone, Debug)]
+pub(super) struct Placement {
+    pub(super) reprojection: Arc<Reprojection>,
+    /// The input as its headers have it.
+    pub(super) surveyed: Arc<InputFile>,
+    /// The scale that loses nothing of the points (CRS units).
+    pub(super) scale: f64,
 }
 
 /// The points at which decoding can begin.
@@ -76,11 +89,14 @@ pub(super) enum EntryPoints {
 
 impl InputFile {
     /// The places where scanners stood, as far as the file tells (world coordinates).
-    pub(crate) fn stations(&self) -> &[[f64; 3]] {
+    pub(crate) fn stations(&self) -> Vec<[f64; 3]> {
         match &self.entry_points {
             #[cfg(feature = "e57")]
-            EntryPoints::E57(file) => file.stations(&self.bounds),
-            _ => &[],
+            EntryPoints::E57(file) => {
+                let stations = file.stations(&self.surveyed_bounds()).iter();
+                stations.filter_map(|place| self.placed(*place)).collect()
+            }
+            _ => Vec::new(),
         }
     }
 

@@ -109,6 +109,7 @@ impl InputFile {
             notes: Vec::new(),
             format,
             entry_points: EntryPoints::First,
+            placement: None,
         })
     }
 

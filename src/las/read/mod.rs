@@ -17,6 +17,7 @@ mod las_reader;
 mod las_survey;
 pub(super) mod list;
 mod parts;
+mod placement;
 pub(super) mod ply;
 mod ply_header;
 pub(super) mod point_filter;

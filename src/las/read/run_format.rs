@@ -71,8 +71,8 @@ impl InputFile {
             for axis in 0..3 {
                 min[axis] = min[axis].min(input.bounds[0][axis]);
                 max[axis] = max[axis].max(input.bounds[1][axis]);
-                scale = scale.min(input.scale[axis]);
             }
+            scale = scale.min(input.finest_scale());
         }
         Quantization::around(min, max, scale)
     }

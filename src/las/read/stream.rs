@@ -52,13 +52,14 @@ impl PointStream {
             path: input.path.clone(),
             decoder: Decoder::open(input, &part)?,
             record_length: input.format.len().into(),
-            converter: RecordConverter::new(&input.layout(), record, quantization),
+            converter: RecordConverter::new(&input.layout(), record, quantization)
+                .with_reprojection(input.reprojection()),
             filter: filter.clone(),
             part,
             claimed: input.points_claimed,
             read: 0,
             batch_points: input.batch_points(),
-            bounds: input.bounds.map(|corner| {
+            bounds: input.surveyed_bounds().map(|corner| {
                 [0, 1, 2].map(|axis| (corner[axis] - input.offset[axis]) / input.scale[axis])
             }),
         })
@@ -87,15 +88,13 @@ impl PointStream {
         let is_filtered = !self.filter.is_empty();
         for raw in self.decoder.raw().chunks_exact(self.record_length) {
             let start = records.len();
-            if !self.converter.convert(raw, records) {
-                counts.rejected += 1;
-            } else if is_filtered
-                && !self
-                    .filter
-                    .accepts(&records[start..], &self.converter.world(raw))
-            {
-                records.truncate(start);
-                counts.filtered += 1;
+            match self.converter.convert(raw, records) {
+                None => counts.rejected += 1,
+                Some(world) if is_filtered && !self.filter.accepts(&records[start..], &world) => {
+                    records.truncate(start);
+                    counts.filtered += 1;
+                }
+                Some(_) => {}
             }
             counts.outside += u64::from(!is_within(raw, &self.bounds));
         }

@@ -28,6 +28,10 @@ impl InputFile {
                 "is E57, which this program was built without; build it with --features e57, or \
                  convert the file to LAZ",
             )),
+            Some(e) if e == "pcd" => Err(LasError::new(
+                path,
+                "is PCD, which is written but not read; convert it to LAZ or PLY",
+            )),
             _ => Self::survey_las(path, bytes),
         }
     }

@@ -137,6 +137,7 @@ impl InputFile {
             notes,
             format,
             entry_points,
+            placement: None,
         })
     }
 }

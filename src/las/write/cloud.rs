@@ -4,7 +4,10 @@ use std::sync::Arc;
 
 use ::las::Vlr;
 
-use super::store::{RecordSorter, SortingSpace};
+use super::{
+    pcd_options::PcdOptions,
+    store::{RecordSorter, SortingSpace},
+};
 use crate::{
     geometry::Quantization,
     las::{
@@ -41,6 +44,8 @@ pub(crate) struct Workspace {
     pub(crate) spacing: f64,
     /// The edge of the tiles (CRS units), if tiles are written.
     pub(crate) tile_edge: f64,
+    /// How PCD files are written.
+    pub(crate) pcd: PcdOptions,
     /// The space for temporary files.
     pub(crate) sorting: Arc<dyn SortingSpace>,
     /// The memory for points that are sorted, in bytes.

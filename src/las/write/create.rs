@@ -8,6 +8,7 @@ use super::{
     las::create_las,
     las_header::PointEncoding,
     output_format::Format,
+    pcd::create_pcd,
     ply::create_ply,
     tiles::create_tiles,
     writer::CloudWriter,
@@ -15,8 +16,8 @@ use super::{
 use crate::las::error::LasError;
 
 impl CloudWriter {
-    /// Begins the cloud at `path`, under another name in the same directory. COPC and tiles
-    /// need a `workspace`, in which their points are sorted.
+    /// Begins the cloud at `path`, under another name in the same directory. COPC, PCD and
+    /// tiles need a `workspace`, in which their points are sorted.
     ///
     /// # Errors
     ///
@@ -41,7 +42,8 @@ impl CloudWriter {
             Format::Laz => create_las(path, header, PointEncoding::Laz),
             Format::Ply => create_ply(path, header),
             Format::Copc => create_copc(path, header, workspace()?),
-            Format::Tiles => create_tiles(path, header, workspace()?),
+            Format::Pcd => create_pcd(path, header, workspace()?),
+            Format::Tiles(format) => create_tiles(path, format, header, workspace()?),
         }
     }
 }

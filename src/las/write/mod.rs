@@ -2,7 +2,7 @@
 //!
 //! LAS, LAZ and COPC are version 1.4 with the run's point format; PLY is binary, little
 //! endian, with the attributes that its readers know. LAS, LAZ and PLY are written in the
-//! order of the records; COPC and tiles sort them first, in temporary files.
+//! order of the records; COPC, PCD and tiles sort them first, in temporary files.
 
 pub(super) mod cloud;
 mod columns;
@@ -11,15 +11,22 @@ mod copc_nodes;
 mod create;
 mod las;
 mod las_header;
+mod lzf;
 pub(super) mod mesh;
 mod morton;
 mod octree;
+mod ordered_records;
 pub(super) mod output_format;
 mod part_file;
+mod pcd;
+mod pcd_fields;
+pub(super) mod pcd_options;
+mod pcd_tiles;
 mod ply;
 mod sink;
 pub(super) mod squares;
 pub(super) mod store;
+pub(super) mod tile_format;
 mod tile_names;
 mod tiles;
 pub(super) mod writer;

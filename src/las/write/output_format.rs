@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::tile_names::contains_only_tiles;
+use super::{tile_format::TileFormat, tile_names::contains_only_tiles};
 use crate::las::error::LasError;
 
 /// The format of an output.
@@ -16,8 +16,10 @@ pub(crate) enum Format {
     Copc,
     /// Polygon file format, points only.
     Ply,
-    /// A directory of tiles, each LAZ.
-    Tiles,
+    /// The format of the Point Cloud Library.
+    Pcd,
+    /// A directory of tiles.
+    Tiles(TileFormat),
 }
 
 impl Format {
@@ -38,9 +40,10 @@ impl Format {
             Some(e) if e == "las" => Ok(Self::Las),
             Some(e) if e == "laz" => Ok(Self::Laz),
             Some(e) if e == "ply" => Ok(Self::Ply),
+            Some(e) if e == "pcd" => Ok(Self::Pcd),
             _ => Err(LasError::new(
                 path,
-                "name the output .copc.laz, .laz, .las or .ply",
+                "name the output .copc.laz, .laz, .las, .ply or .pcd",
             )),
         }
     }
@@ -52,7 +55,7 @@ impl Format {
     ///
     /// If there is another directory at `path`.
     pub(crate) fn check_replaceable(self, path: &Path) -> Result<(), LasError> {
-        match path.is_dir() && !(self == Self::Tiles && contains_only_tiles(path)) {
+        match path.is_dir() && !(matches!(self, Self::Tiles(_)) && contains_only_tiles(path)) {
             true => Err(LasError::new(
                 path,
                 "is a directory in which there are other things than tiles; give another name",

@@ -29,6 +29,11 @@ impl Squares {
         }
     }
 
+    /// The edge of a square (CRS units).
+    pub(super) fn edge(&self) -> f64 {
+        self.edge
+    }
+
     /// The first stored coordinate that is not west or south of the side with this index.
     fn side(&self, index: i64, axis: usize) -> i64 {
         let side = (index as f64 * self.edge - self.offset[axis]) / self.scale;

@@ -5,25 +5,33 @@
 
 use std::{ffi::OsString, path::Path};
 
+use super::tile_format::TileFormat;
+
 /// The name of the index: GeoJSON in the CRS of the data.
 pub(super) const INDEX_NAME: &str = "tiles.geojson";
+/// The name of the index of PCD tiles that driving software reads.
+pub(super) const DRIVING_INDEX_NAME: &str = "pointcloud_map_metadata.yaml";
 
 /// The name of the tile of the cloud `cloud` whose south-west corner this is (CRS units).
-pub(super) fn tile_name(cloud: &str, corner: [f64; 2]) -> String {
-    format!("{cloud}_{}_{}.laz", decimal(corner[0]), decimal(corner[1]))
+pub(super) fn tile_name(cloud: &str, corner: [f64; 2], format: TileFormat) -> String {
+    let [x, y] = corner.map(decimal);
+    format!("{cloud}_{x}_{y}{}", format.ending())
 }
 
-/// Whether all files in the directory `dir` are tiles and their index, so that new tiles may
+/// Whether all files in the directory `dir` are tiles and their indices, so that new tiles may
 /// replace it.
 pub(super) fn contains_only_tiles(dir: &Path) -> bool {
     let cloud = dir.file_name().map(|name| name.to_string_lossy());
     let cloud = cloud.unwrap_or_default();
     let is_tile = |entry: OsString| {
         let entry = entry.to_string_lossy();
-        let corner = entry
-            .strip_prefix(&*cloud)
-            .and_then(|e| e.strip_suffix(".laz"));
+        let corner = entry.strip_prefix(&*cloud).and_then(|e| {
+            TileFormat::ALL
+                .iter()
+                .find_map(|f| e.strip_suffix(f.ending()))
+        });
         entry == INDEX_NAME
+            || entry == DRIVING_INDEX_NAME
             || corner.is_some_and(|corner| {
                 corner.starts_with('_') && !corner.contains(|c: char| c.is_ascii_alphabetic())
             })

@@ -1,4 +1,4 @@
-//! A cloud as a directory of LAZ files, one for each square of the plane, with an index.
+//! A cloud as a directory of LAZ or PCD files, one for each square of the plane, with an index.
 
 use std::path::{Path, PathBuf};
 
@@ -8,10 +8,15 @@ use super::{
     cloud::{CloudHeader, Workspace},
     las::create_las,
     las_header::PointEncoding,
+    ordered_records::OrderedRecords,
     part_file::PartFile,
+    pcd::PcdCloud,
+    pcd_fields::brightness,
+    pcd_tiles::write_driving_index,
     sink::SinkMonitor,
     squares::Squares,
     store::{RecordSorter, SortedRecords},
+    tile_format::TileFormat,
     tile_names::{INDEX_NAME, tile_name},
     writer::{CloudBody, CloudWriter, CompleteCloud, Completion},
 };
@@ -29,9 +34,12 @@ struct TilesBody {
     path: PathBuf,
     /// The preliminary path of the directory.
     directory: PathBuf,
+    format: TileFormat,
     header: CloudHeader,
     workspace: Workspace,
     sorter: Box<dyn RecordSorter>,
+    /// The largest value of a colour so far.
+    brightest: u16,
 }
 
 /// Begins a directory of tiles at `path`.
@@ -41,6 +49,7 @@ struct TilesBody {
 /// If no directory can be made there, or no file in the `workspace`.
 pub(super) fn create_tiles(
     path: &Path,
+    format: TileFormat,
     header: &CloudHeader,
     workspace: &Workspace,
 ) -> Result<CloudWriter, LasError> {
@@ -48,9 +57,11 @@ pub(super) fn create_tiles(
     let body = TilesBody {
         path: path.to_owned(),
         directory: part.part().to_owned(),
+        format,
         header: header.clone(),
         workspace: workspace.clone(),
         sorter: workspace.begin_sorting(header, path)?,
+        brightest: 0,
     };
     let record_length = header.record.record_length();
     CloudWriter::new(part, SinkMonitor::default(), Box::new(body), record_length)
@@ -58,6 +69,9 @@ pub(super) fn create_tiles(
 
 impl CloudBody for TilesBody {
     fn write(&mut self, records: &[u8]) -> Result<(), LasError> {
+        if self.format == TileFormat::Pcd {
+            self.brightest = self.brightest.max(brightness(records, &self.header.record));
+        }
         self.sorter
             .push(records)
             .map_err(|e| LasError::unwritable(&self.path, e))
@@ -71,15 +85,25 @@ impl CloudBody for TilesBody {
         let Self {
             path,
             directory,
+            format,
             header,
             workspace,
             sorter,
+            brightest,
         } = *self;
         let sorted = sorter.finish();
         let sorted = sorted.map_err(|e| LasError::unwritable(&path, e))?;
         let name = path.file_name().map(|name| name.to_string_lossy());
+        let pcd = (format == TileFormat::Pcd).then(|| {
+            let length = header.record.record_length();
+            let ordered = OrderedRecords::new(&*sorted, length, workspace.sort_bytes);
+            let pcd = PcdCloud::new(&header, &workspace, &sorted.bounds(), brightest);
+            (pcd, ordered)
+        });
         let tiles = Tiles {
             directory: &directory,
+            format,
+            pcd,
             name: &name.unwrap_or_default(),
             header: &header,
             squares: Squares::new(workspace.tile_edge, &header.quantization),
@@ -95,6 +119,9 @@ struct Tiles<'a> {
     directory: &'a Path,
     /// The name of the cloud, with which the names of the tiles begin.
     name: &'a str,
+    format: TileFormat,
+    /// What PCD tiles have in common, and the records in their order.
+    pcd: Option<(PcdCloud, OrderedRecords<'a>)>,
     header: &'a CloudHeader,
     squares: Squares,
 }
@@ -104,9 +131,10 @@ impl Tiles<'_> {
     /// that are written. Returns the length of all files in bytes.
     fn write(&self, sorted: &dyn SortedRecords, progress: &dyn Fn(u64)) -> Result<u64, LasError> {
         let (mut bytes, mut points) = (0, 0);
-        let mut features = Vec::new();
+        let (mut features, mut corners) = (Vec::new(), Vec::new());
         for square in self.squares.occupied(sorted) {
-            let file = tile_name(self.name, self.squares.corner(square));
+            let corner = self.squares.corner(square);
+            let file = tile_name(self.name, corner, self.format);
             let (cloud, heights) = self.write_tile(&self.directory.join(&file), square, sorted)?;
             if cloud.points() == 0 {
                 // The square shares a counting square with its neighbours' points only.
@@ -116,6 +144,7 @@ impl Tiles<'_> {
             bytes += cloud.bytes();
             points += cloud.points();
             features.push(self.feature(&file, square, &cloud, heights));
+            corners.push((file, corner));
             cloud.deliver()?;
         }
         if points != sorted.points() {
@@ -126,7 +155,12 @@ impl Tiles<'_> {
             );
             return Err(LasError::new(self.directory, lost));
         }
-        Ok(bytes + self.write_index(features)?)
+        bytes += self.write_index(features)?;
+        if let Some((pcd, _)) = &self.pcd {
+            bytes +=
+                write_driving_index(self.directory, self.squares.edge(), pcd.origin, &corners)?;
+        }
+        Ok(bytes)
     }
 
     /// Writes the points of a square to `path`; returns them with their least and greatest
@@ -137,9 +171,17 @@ impl Tiles<'_> {
         square: [i64; 2],
         sorted: &dyn SortedRecords,
     ) -> Result<(CompleteCloud, [i32; 2]), LasError> {
+        let mut heights = [i32::MAX, i32::MIN];
+        if let Some((pcd, ordered)) = &self.pcd {
+            let cloud =
+                pcd.write_file(path, ordered, &self.squares.rect(square), &mut |record| {
+                    let z = Stored::of_record(record).z;
+                    heights = [heights[0].min(z), heights[1].max(z)];
+                })?;
+            return Ok((cloud, heights));
+        }
         let mut writer = create_las(path, self.header, PointEncoding::Laz)?;
         let mut waiting = Vec::new();
-        let mut heights = [i32::MAX, i32::MIN];
         let mut failure = None;
         let visited = sorted.visit(&self.squares.rect(square), &mut |record| {
             if failure.is_some() {

@@ -153,6 +153,25 @@ pub(crate) struct CompleteCloud {
 }
 
 impl CompleteCloud {
+    /// A cloud of `points` points in the file `part`, of which these bytes are still to be overwritten.
+    ///
+    /// # Errors
+    ///
+    /// If the file cannot be completed; nothing is left of it then.
+    pub(super) fn of_file(
+        part: PartFile,
+        points: u64,
+        amendments: Vec<(u64, Vec<u8>)>,
+    ) -> Result<Self, LasError> {
+        let bytes =
+            amend(part.part(), amendments).map_err(|e| LasError::unwritable(part.path(), e))?;
+        Ok(Self {
+            part,
+            points,
+            bytes,
+        })
+    }
+
     /// The preliminary path of the cloud.
     pub(crate) fn part(&self) -> &Path {
         self.part.part()
