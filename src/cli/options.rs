@@ -376,7 +376,7 @@ mod tests {
             .get_arguments()
             .filter_map(|o| o.get_long())
             .collect();
-        assert_eq!(names.len(), 39);
+        assert_eq!(names.len(), 40);
         for name in names {
             let known = toml::from_str::<Choices>(&format!("{name} = {{}}"));
             let error = known.unwrap_err().to_string();

@@ -82,7 +82,7 @@ impl SolverOptions {
     /// Whether facets are sought in this `iteration` where patches round an edge. Sites that are to end on the edge need
     /// time to become even along it; for others it is early enough when they hardly move.
     pub(super) fn seeks_facets(&self, iteration: u32) -> bool {
-        self.edges == EdgeRule::On || 2 * iteration >= self.iterations
+        self.edges == EdgeRule::On || 4 * iteration >= 3 * self.iterations
     }
 
     /// Depth (CRS units) inside the rectangle of available points from which on every tile
