@@ -123,7 +123,7 @@ pub mod internals {
         },
         las::{LasError, PlyFile, PlyStream, PointCounts},
         lloyd::{
-            AREA_PER_SEED, Acceleration, EdgeRule, Restriction, Scan, SeedRule, Site, Solution,
+            AREA_PER_SEED, Acceleration, Restriction, Scan, SeedRule, Site, Solution,
             SolverOptions, TileRegion, describe_positions, elect, solve, uniformity,
         },
         quality::{

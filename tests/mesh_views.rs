@@ -75,7 +75,10 @@ fn a_mesh_is_counted_in_the_report_and_drawn_in_the_viewer() {
     assert_eq!(counted, of("triangles"));
     assert!(report["mesh"]["smallest_angle_median"].as_f64().unwrap() > 50.0);
     let page = fs::read_to_string(format!("{}.report.html", with.display())).unwrap();
-    assert!(page.contains("<h2>Mesh</h2>") && !page.contains("NaN"));
+    assert!(page.contains("<h2>Mesh</h2>"));
+    // Pictures are letters of all kinds.
+    let mut outside_pictures = page.split('"').filter(|part| !part.starts_with("data:"));
+    assert!(outside_pictures.all(|part| !part.contains("NaN")));
 
     // The street fits into the square: nearly all triangles are shown, between the points of the sample.
     let viewer = fs::read_to_string(format!("{}.viewer.html", with.display())).unwrap();

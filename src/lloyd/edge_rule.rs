@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Where sites next to a sharp edge end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum EdgeRule {
+pub(crate) enum EdgeRule {
     /// On the surfaces that meet there, as evenly as elsewhere.
     #[default]
     Free,

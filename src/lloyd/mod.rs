@@ -40,7 +40,7 @@ mod tally;
 
 pub use acceleration::Acceleration;
 pub(crate) use count::{Candidates, CountCorrection, WantedCount, candidate_band};
-pub use edge_rule::EdgeRule;
+pub(crate) use edge_rule::EdgeRule;
 pub(crate) use isolated::IsolatedRule;
 pub use options::SolverOptions;
 pub use region::TileRegion;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{acceleration::Acceleration, edge_rule::EdgeRule, seeds::SeedRule, step::Restriction};
+use super::{acceleration::Acceleration, seeds::SeedRule, step::Restriction};
 use crate::geometry::PatchKind;
 
 /// The options of one solve. Lengths are CRS units.
@@ -28,8 +28,8 @@ pub struct SolverOptions {
     pub patch: PatchKind,
     /// How far from the scan a site may move.
     pub restriction: Restriction,
-    /// Where sites next to a sharp edge end.
-    pub edges: EdgeRule,
+    /// Sites nearer to a sharp edge than this are moved onto it; 0 for none.
+    pub edge_capture: f64,
     /// Whether isolated returns are left out.
     pub drops_isolated: bool,
     /// Seed of every hash.
@@ -66,7 +66,7 @@ impl SolverOptions {
             acceleration: Acceleration::default(),
             patch: PatchKind::default(),
             restriction: Restriction::Local,
-            edges: EdgeRule::default(),
+            edge_capture: 0.0,
             drops_isolated: false,
             seed: 0,
         }
@@ -82,7 +82,7 @@ impl SolverOptions {
     /// Whether facets are sought in this `iteration` where patches round an edge. Sites that are to end on the edge need
     /// time to become even along it; for others it is early enough when they hardly move.
     pub(super) fn seeks_facets(&self, iteration: u32) -> bool {
-        self.edges == EdgeRule::On || 4 * iteration >= 3 * self.iterations
+        self.edge_capture > 0.0 || 4 * iteration >= 3 * self.iterations
     }
 
     /// Depth (CRS units) inside the rectangle of available points from which on every tile

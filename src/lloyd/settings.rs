@@ -69,7 +69,7 @@ impl SolverSettings {
             acceleration: self.acceleration,
             patch: self.patch,
             restriction: self.restriction,
-            edges: self.edges,
+            edge_capture: self.edges.capture(spacing),
             drops_isolated: self.isolated == IsolatedRule::Drop,
             seed: self.seed,
             ..defaults

@@ -118,8 +118,14 @@ impl Fit {
                 return None;
             }
             let samples = samples.of_facets(anchor, surface);
-            let capture = options.edges.capture(options.spacing);
-            Facets::find(anchor, samples, patch, options.fit_radius, capture).map(Box::new)
+            Facets::find(
+                anchor,
+                samples,
+                patch,
+                options.fit_radius,
+                options.edge_capture,
+            )
+            .map(Box::new)
         });
     }
 
