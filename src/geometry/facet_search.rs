@@ -297,7 +297,7 @@ mod tests {
             places.push(Local::new(x, y, roof(x, y)));
         }
         let patch = Patch::fit(site, &places, RADIUS, PatchKind::Quadratic).unwrap();
-        let mut find = |places: &[Local]| {
+        let find = |places: &[Local]| {
             let near = places.iter().filter(|&p| (p - site).norm() < radius);
             let samples = near.map(|&p| FacetSample::new(p, site, 1.0, radius));
             Facets::find(site, &mut samples.collect::<Vec<_>>(), &patch, RADIUS, 0.0)
