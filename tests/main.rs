@@ -6,6 +6,7 @@
 mod cluster;
 mod count;
 mod docs;
+mod edges;
 mod formats;
 mod isolated;
 mod layers;

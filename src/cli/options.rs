@@ -106,8 +106,8 @@ struct SolverFlags {
     /// of the scan if that is coarser]
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true)]
     fill: Option<Length>,
-    /// Points next to a sharp edge: free, on the surfaces that meet there, or on, on the edge itself
-    /// [default: free]
+    /// Points at sharp edges: smooth, on fitted surfaces that round an edge a little; sharp, on the planes that
+    /// meet there; or on, and those next to the edge on the edge itself [default: smooth]
     #[arg(long, value_name = "RULE", value_parser = by_name::<EdgeRule>)]
     edges: Option<EdgeRule>,
     /// Isolated returns, such as rain, birds and echoes: keep, drop, or mark (class 7, noise) [default: keep]

@@ -6,10 +6,12 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum EdgeRule {
-    /// On the surfaces that meet there, as evenly as elsewhere.
+    /// On the fitted patches, which round an edge a little.
     #[default]
-    Free,
-    /// On the edge itself, as far apart as the output is elsewhere, so that a mesh keeps it.
+    Smooth,
+    /// On the planes that meet there, where planes describe the scan better than a patch does.
+    Sharp,
+    /// As with `Sharp`, and those next to the edge on the edge itself, as far apart as the output is elsewhere, so that a mesh keeps it.
     On,
 }
 
@@ -23,11 +25,13 @@ impl EdgeRule {
         *self == Self::default()
     }
 
-    /// Distance (CRS units) from an edge within which sites are moved onto it, at a `spacing`.
-    pub(super) fn capture(self, spacing: f64) -> f64 {
+    /// Distance (CRS units) from an edge within which sites are moved onto it, at a `spacing`; `None` if patches may round
+    /// edges.
+    pub(super) fn capture(self, spacing: f64) -> Option<f64> {
         match self {
-            Self::Free => 0.0,
-            Self::On => CAPTURE_IN_SPACINGS * spacing,
+            Self::Smooth => None,
+            Self::Sharp => Some(0.0),
+            Self::On => Some(CAPTURE_IN_SPACINGS * spacing),
         }
     }
 }

@@ -28,8 +28,8 @@ pub struct SolverOptions {
     pub patch: PatchKind,
     /// How far from the scan a site may move.
     pub restriction: Restriction,
-    /// Sites nearer to a sharp edge than this are moved onto it; 0 for none.
-    pub edge_capture: f64,
+    /// Sites nearer to a sharp edge than this are moved onto it; 0 for none. `None` if patches may round edges.
+    pub edge_capture: Option<f64>,
     /// Whether isolated returns are left out.
     pub drops_isolated: bool,
     /// Seed of every hash.
@@ -66,7 +66,7 @@ impl SolverOptions {
             acceleration: Acceleration::default(),
             patch: PatchKind::default(),
             restriction: Restriction::Local,
-            edge_capture: 0.0,
+            edge_capture: None,
             drops_isolated: false,
             seed: 0,
         }
@@ -82,7 +82,9 @@ impl SolverOptions {
     /// Whether facets are sought in this `iteration` where patches round an edge. Sites that are to end on the edge need
     /// time to become even along it; for others it is early enough when they hardly move.
     pub(super) fn seeks_facets(&self, iteration: u32) -> bool {
-        self.edge_capture > 0.0 || 4 * iteration >= 3 * self.iterations
+        let is_late = 4 * iteration >= 3 * self.iterations;
+        self.edge_capture
+            .is_some_and(|capture| capture > 0.0 || is_late)
     }
 
     /// Depth (CRS units) inside the rectangle of available points from which on every tile

@@ -76,8 +76,11 @@ impl SolverOptions {
     /// Depth (CRS units) inside the rectangle of available points from which on every tile knows
     /// the same states and samples.
     fn state_margin(&self) -> f64 {
-        let of_facets = FACET_RADIUS_IN_FIT_RADII * self.fit_radius;
-        STATE_MARGIN_IN_SPACINGS * self.spacing + of_facets + 2.0 * self.smooth
+        let seen = match self.edge_capture {
+            None => self.fit_radius,
+            Some(_) => FACET_RADIUS_IN_FIT_RADII * self.fit_radius,
+        };
+        STATE_MARGIN_IN_SPACINGS * self.spacing + seen + 2.0 * self.smooth
     }
 }
 

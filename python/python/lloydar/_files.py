@@ -55,7 +55,7 @@ class JobOptions(TypedDict, total=False):
     restrict: Length | None
     smooth: Length | None
     fill: Length | None
-    edges: Literal["free", "on"] | None
+    edges: Literal["smooth", "sharp", "on"] | None
     isolated: Literal["keep", "drop", "mark"] | None
     seed: int | None
     tile_size: Length | None
@@ -131,8 +131,8 @@ def run(
         Keep that directory after success; replace an existing output.
     iterations, accelerate, seeds, patch, smooth, fill, restrict, seed : optional
         How the cloud is solved, as for `resample`; lengths may have units.
-    edges : {"free", "on"}, optional
-        Where points next to a sharp edge end: on the surfaces that meet there, or on the edge itself.
+    edges : {"smooth", "sharp", "on"}, optional
+        Where points at sharp edges end: on fitted surfaces, on the planes that meet there, or on the edge.
     isolated : {"keep", "drop", "mark"}, optional
         What becomes of isolated returns, such as rain, birds and echoes; mark gives them class 7.
     tile_size, halo : float or str, optional

@@ -108,24 +108,18 @@ impl Fit {
         (site - self.anchor).norm_squared() <= skin * skin
     }
 
-    /// Seeks the facets that stand in for the patch, where it rounds an edge.
+    /// Seeks the facets that stand in for the patch where it rounds an edge, if the options want any.
     pub(super) fn find_facets(&mut self, surface: Surface<'_>, samples: &mut Samples) {
         let options = surface.options;
+        let is_rounded = self.patch.residual > SHARP_IN_SPACINGS * options.spacing;
+        let capture = options
+            .edge_capture
+            .filter(|_| is_rounded && options.patch == PatchKind::Quadratic);
         let (anchor, patch) = (self.anchor, &self.patch);
         self.facets.get_or_insert_with(|| {
-            let is_rounded = patch.residual > SHARP_IN_SPACINGS * options.spacing;
-            if !is_rounded || options.patch == PatchKind::Plane {
-                return None;
-            }
+            let capture = capture?;
             let samples = samples.of_facets(anchor, surface);
-            Facets::find(
-                anchor,
-                samples,
-                patch,
-                options.fit_radius,
-                options.edge_capture,
-            )
-            .map(Box::new)
+            Facets::find(anchor, samples, patch, options.fit_radius, capture).map(Box::new)
         });
     }
 
