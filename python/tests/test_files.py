@@ -23,7 +23,9 @@ Command = Callable[..., str]
 def options_of(command: Command, name: str) -> set[str]:
     """Names of the options in the help of a command, as keywords."""
     flags = set(re.findall(r"^ +(?:-\w, )?--([a-z-]+)", command(name, "--help"), re.MULTILINE))
-    keywords = {flag.replace("-", "_") for flag in flags - {"help", "version", "quiet", "log", "json"}}
+    # A list of inputs is a list in Python, not a file.
+    others = {"help", "version", "quiet", "log", "json", "from-list", "input-file-list"}
+    keywords = {flag.replace("-", "_") for flag in flags - others}
     words = {"class": "class_", "with": "with_"}
     return {words.get(keyword, keyword) for keyword in keywords}
 
