@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn the_order_of_equally_good_samples_is_the_only_one_that_matters() {
+    fn the_order_of_the_samples_does_not_matter() {
         let site = Local::new(0.1, 0.05, -0.05);
         let radius = FACET_RADIUS_IN_FIT_RADII * RADIUS;
         let mut dice = Dice(4);

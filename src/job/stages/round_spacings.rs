@@ -26,7 +26,8 @@ impl JobDescription {
     ///
     /// # Errors
     ///
-    /// Those of [`Survey::of`]; [`JobError::BadFiles`] if inputs cannot be read to their end and are not left out.
+    /// Fails where [`Survey::of`] does, and with [`JobError::BadFiles`] if inputs cannot be read to their end and are not
+    /// left out.
     pub(crate) fn round_spacings(
         &self,
         progress: &dyn Progress,
