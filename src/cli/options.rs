@@ -14,7 +14,7 @@ use crate::{
         Places, Share, Sides,
     },
     geometry::PatchKind,
-    las::{PcdEncoding, ReprojectionTarget, TileFormat},
+    las::{PcdEncoding, PointOrder, ReprojectionTarget, TileFormat},
     lloyd::{Acceleration, EdgeRule, IsolatedRule, SeedRule},
     mesh::MeshedPoints,
 };
@@ -195,6 +195,10 @@ struct OutputOptions {
     /// Format of the tiles: laz, or pcd with the index of Autoware [default: laz]
     #[arg(long, value_name = "FORMAT", value_parser = by_name::<TileFormat>)]
     format: Option<TileFormat>,
+    /// Order of the points in .laz, .las and .ply: nearby, near points together; or progressive, so that the first points
+    /// of the file, however many, are a coarser cloud [default: nearby]
+    #[arg(long, value_name = "ORDER", value_parser = by_name::<PointOrder>)]
+    order: Option<PointOrder>,
     /// Encoding of PCD files: binary or compressed [default: binary]
     #[arg(long, value_name = "ENCODING", value_parser = by_name::<PcdEncoding>)]
     pcd: Option<PcdEncoding>,

@@ -165,7 +165,7 @@ fn write_pass(
             writer.write(&records)?;
         }
     }
-    let cloud = writer.complete(&|_| {})?;
+    let cloud = writer.complete(None, &|_| {})?;
     let points = cloud.points();
     cloud.deliver()?;
     Ok(points)

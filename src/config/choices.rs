@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     geometry::PatchKind,
-    las::{PcdEncoding, ReprojectionTarget, TileFormat},
+    las::{PcdEncoding, PointOrder, ReprojectionTarget, TileFormat},
     lloyd::{Acceleration, EdgeRule, IsolatedRule, SeedRule},
     mesh::MeshedPoints,
 };
@@ -104,6 +104,8 @@ pub(crate) struct Choices {
     pub(crate) output_tiles: Option<Length>,
     /// The format of the tiles that are written.
     pub(crate) format: Option<TileFormat>,
+    /// The order of the points in the output.
+    pub(crate) order: Option<PointOrder>,
     /// The encoding of PCD files.
     pub(crate) pcd: Option<PcdEncoding>,
     /// The place with the coordinates 0, 0, 0 in PCD files.

@@ -14,7 +14,7 @@ use super::{
     },
 };
 use crate::{
-    las::{Crs, PcdOptions, PcdOrigin, PointFilter, PolygonFilter, TileFormat},
+    las::{Crs, PcdOptions, PcdOrigin, PointFilter, PointOrder, PolygonFilter, TileFormat},
     lloyd::{Restriction, SolverSettings},
     spacing::Target,
 };
@@ -121,6 +121,7 @@ impl Choices {
             mesh: self.mesh_settings()?,
             output_tiles: unit.positive("--output-tiles", self.output_tiles)?,
             tile_format: self.tile_format()?,
+            order: self.order()?,
             pcd: PcdOptions {
                 encoding: self.pcd.unwrap_or_default(),
                 origin: self.pcd_origin()?,
@@ -263,6 +264,23 @@ impl Choices {
                     .into(),
             )),
             (format, _) => Ok(format.unwrap_or_default()),
+        }
+    }
+
+    /// Returns the order of the points in the output.
+    fn order(&self) -> Result<PointOrder, ConfigError> {
+        let order = self.order.unwrap_or_default();
+        let words = |words: &str| Err(ConfigError::Words(words.into()));
+        match order {
+            PointOrder::Progressive if self.mesh.is_some() => words(
+                "--order progressive does not go with --mesh: with a mesh, the points of the cloud stand in the order of \
+                 its vertices; run the job twice, once with each",
+            ),
+            PointOrder::Progressive if self.output_tiles.is_some() => words(
+                "--order progressive is for one file; leave out --output-tiles, or write .copc.laz, whose octree has \
+                 levels",
+            ),
+            order => Ok(order),
         }
     }
 

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::rules::{ClassRule, ColorRule, Computed};
 use crate::{
-    las::{Crs, PcdOptions, PointFilter, ReprojectionTarget, TileFormat},
+    las::{Crs, PcdOptions, PointFilter, PointOrder, ReprojectionTarget, TileFormat},
     lloyd::{SolverSettings, WantedCount},
     mesh::MeshedPoints,
     spacing::Target,
@@ -43,6 +43,9 @@ pub(crate) struct Settings {
     /// The format of the tiles that are written.
     #[serde(default, skip_serializing_if = "is_default")]
     pub(crate) tile_format: TileFormat,
+    /// The order of the points in the output.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub(crate) order: PointOrder,
     /// How PCD files are written.
     #[serde(default, skip_serializing_if = "is_default")]
     pub(crate) pcd: PcdOptions,
@@ -144,6 +147,7 @@ mod tests {
             attributes: AttributeSettings::default(),
             output_tiles: None,
             tile_format: TileFormat::default(),
+            order: PointOrder::default(),
             pcd: PcdOptions::default(),
             mesh: None,
         }

@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{
     config::{ResourceSettings, Settings},
-    las::{Format, LasError, MeshFormat, TileFormat, read_trajectory},
+    las::{Format, LasError, MeshFormat, PointOrder, TileFormat, read_trajectory},
 };
 
 /// A job: which scans are resampled, how, and to which output. Its JSON is handed over to other
@@ -51,8 +51,21 @@ impl JobDescription {
     ///
     /// # Errors
     ///
-    /// [`LasError`] if the name has no ending of a known format, or has one but tiles are requested.
+    /// [`LasError`] if the name has no ending of a known format, or has one but tiles are requested, or if
+    /// the format has no order of points and one is requested.
     pub(crate) fn format(&self) -> Result<Format, LasError> {
+        let format = self.format_by_name()?;
+        match self.settings.order {
+            PointOrder::Progressive if !format.keeps_order() => Err(LasError::new(
+                &self.output,
+                "cannot have --order progressive: that is for .laz, .las and .ply; the octree of .copc.laz has levels \
+                 without it",
+            )),
+            _ => Ok(format),
+        }
+    }
+
+    fn format_by_name(&self) -> Result<Format, LasError> {
         let of_file = Format::of_path(&self.output);
         let settings = &self.settings;
         match (settings.output_tiles, of_file) {
@@ -76,12 +89,13 @@ impl JobDescription {
         }
     }
 
-    /// Whether the points of the output are sorted by position before they are written.
+    /// Whether the points of the output are sorted before they are written.
     pub(crate) fn is_sorted(&self) -> bool {
-        matches!(
-            self.format(),
-            Ok(Format::Copc | Format::Pcd | Format::Tiles(_))
-        )
+        self.is_progressive() || self.format().is_ok_and(|format| !format.keeps_order())
+    }
+
+    fn is_progressive(&self) -> bool {
+        self.settings.order == PointOrder::Progressive
     }
 
     /// The edge of the tiles of the mesh (CRS units), if it is written as tiles: where the cloud is, and the name of the
@@ -98,7 +112,8 @@ impl JobDescription {
     /// first and then put in order, and its triangles take about as much.
     pub(crate) fn sorted_copies(&self) -> u64 {
         let for_mesh = if self.mesh.is_some() { 3 } else { 0 };
-        u64::from(self.is_sorted()) + for_mesh
+        // In progressive order they are sorted by position, and then by their places in the file.
+        u64::from(self.is_sorted()) + u64::from(self.is_progressive()) + for_mesh
     }
 
     /// The memory and the threads of the job.

@@ -23,7 +23,7 @@ use crate::{
         AttributeSettings, Computed, InputSettings, MeshSettings, ResourceSettings, Settings,
         TilingSettings,
     },
-    las::{Format, PcdOptions, TileFormat},
+    las::{Format, PcdOptions, PointOrder, TileFormat},
     spacing::Target,
 };
 
@@ -127,6 +127,7 @@ fn level_job(
             },
             output_tiles: None,
             tile_format: TileFormat::default(),
+            order: PointOrder::default(),
             pcd: PcdOptions::default(),
             mesh: Some(mesh.clone()),
         },

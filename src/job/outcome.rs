@@ -8,6 +8,7 @@ use super::{
     tile_figures::TileFigures,
 };
 use crate::{
+    las::{CloudLevels, NearestFigures, PointOrder},
     lloyd::IsolatedRule,
     mesh::MeshFigures,
     quality::{Uniformity, UniformityTally},
@@ -75,6 +76,28 @@ pub(crate) struct WrittenCloud {
     pub(crate) bytes: u64,
     /// δ of the points of each tile, in the order of the plan.
     pub(crate) delta_by_tile: Vec<f64>,
+    /// The figures of its levels, if it has any.
+    pub(crate) levels: Option<ReportedLevels>,
+}
+
+/// The figures of the levels of an octree but the last, each with those above it, or of the beginnings of a file in
+/// progressive order. Lengths are CRS units.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct ReportedLevels {
+    /// What the levels are.
+    pub(crate) order: PointOrder,
+    /// The figures of each level or beginning.
+    pub(crate) figures: Vec<NearestFigures>,
+}
+
+impl ReportedLevels {
+    /// The figures of `levels`.
+    pub(crate) fn of(levels: &CloudLevels) -> Self {
+        Self {
+            order: levels.order,
+            figures: levels.figures.clone(),
+        }
+    }
 }
 
 /// A coarser level of a mesh in tiles.

@@ -18,7 +18,7 @@ use crate::{
         AttributeSettings, Computed, ConfigError, InputSettings, MeshSettings, ResourceSettings,
         Settings, TilingSettings,
     },
-    las::{PcdOptions, TileFormat},
+    las::{PcdOptions, PointOrder, TileFormat},
     resample::{Options, ResampleError},
 };
 
@@ -205,6 +205,7 @@ impl Job {
                 },
                 output_tiles: None,
                 tile_format: TileFormat::default(),
+                order: PointOrder::default(),
                 pcd: PcdOptions::default(),
                 mesh: self.mesh.as_ref().map(|_| MeshSettings::default()),
             },

@@ -50,8 +50,11 @@ pub(crate) use write::mesh::{
 };
 pub(crate) use write::{
     cloud::{CloudHeader, Workspace},
+    cloud_levels::CloudLevels,
+    nearest_figures::NearestFigures,
     output_format::Format,
     pcd_options::{PcdEncoding, PcdOptions, PcdOrigin},
+    point_order::PointOrder,
     squares::Squares,
     store::{RecordSorter, SortedRecords, SortingSpace, StoreError},
     tile_format::TileFormat,

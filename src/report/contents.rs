@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::{isolated::IsolatedReturns, mesh::MeshReport, squares::AreaMap, tallies::TileTallies};
 use crate::{
     geometry::Quantization,
-    job::{InputCount, Outcome, ResourceSample, StageCost},
+    job::{InputCount, Outcome, ReportedLevels, ResourceSample, StageCost},
     quality::{DistanceFigures, DistanceSums, Uniformity},
     views::{DetailView, ViewerSample},
 };
@@ -40,6 +40,9 @@ pub(crate) struct Report {
     /// The figures of the mesh, if one was written.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) mesh: Option<MeshReport>,
+    /// The figures of the levels of the output, if it has any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) levels: Option<ReportedLevels>,
     /// Pictures, maps and samples of points.
     #[serde(skip)]
     pub(super) views: Views,
@@ -269,6 +272,7 @@ impl Report {
             isolated: IsolatedReturns::of(outcome, &map),
             mesh: (outcome.mesh.as_ref().zip(mesh))
                 .map(|(figures, file)| MeshReport::new(figures, &outcome.mesh_levels, file)),
+            levels: outcome.written.levels.clone(),
             views: Views {
                 detail: outcome.views.detail.clone(),
                 viewer_sample: outcome.views.viewer_sample.clone(),

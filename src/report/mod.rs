@@ -8,6 +8,7 @@ mod contents;
 mod figure_tables;
 mod html;
 mod isolated;
+mod levels;
 mod map;
 mod mesh;
 mod numbers;

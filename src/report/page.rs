@@ -5,6 +5,7 @@ use super::{
     contents::{Report, SPANNED},
     figure_tables::{figures, inputs, seams, settings, stages},
     html::{STYLE, escape},
+    levels::levels,
     map,
     mesh::MeshReport,
     numbers::{figure, thousands},
@@ -38,7 +39,7 @@ impl Report {
 }
 
 /// Returns titles and contents; a section without content is left out.
-fn sections(report: &Report) -> [(&'static str, String); 15] {
+fn sections(report: &Report) -> [(&'static str, String); 16] {
     [
         ("Output", overview(&report.views.overview)),
         ("Figures", figures(report)),
@@ -56,6 +57,7 @@ fn sections(report: &Report) -> [(&'static str, String); 15] {
             "Mesh",
             (report.mesh.as_ref()).map_or(String::new(), MeshReport::section),
         ),
+        ("Levels", levels(report)),
         ("Map", map::map(&report.views.map, &report.tiles)),
         ("Least even squares", worst(&report.worst)),
         ("Tiles, coloured by δ", tile_map(&report.tiles)),

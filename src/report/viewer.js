@@ -26,8 +26,9 @@ const unpack = async (id, count) => {
     }
   }
   const plane = (k) => new Uint8Array(bytes, (6 + k) * count, count);
+  const hasLevels = bytes.byteLength > 12 * count;
   return {
-    count, positions,
+    count, positions, level: hasLevels ? plane(6) : new Uint8Array(count),
     red: plane(0), green: plane(1), blue: plane(2), intensity: plane(3), class: plane(4), distance: plane(5),
   };
 };
@@ -86,12 +87,13 @@ const colorings = {
 };
 
 const pointMaterial = () => new ShaderMaterial({
-  uniforms: { diameter: { value: 1 }, pixels: { value: 1 } },
+  uniforms: { diameter: { value: 1 }, pixels: { value: 1 }, deepest: { value: 255 } },
   vertexShader: `
-    attribute vec3 shade; varying vec3 tint; uniform float diameter, pixels;
+    attribute vec3 shade; attribute float level; varying vec3 tint; uniform float diameter, pixels, deepest;
     void main() {
       vec4 seen = modelViewMatrix * vec4(position, 1.0);
-      gl_Position = projectionMatrix * seen;
+      // Points of deeper levels are moved out of sight.
+      gl_Position = level > deepest ? vec4(2.0, 2.0, 2.0, 1.0) : projectionMatrix * seen;
       gl_PointSize = max(diameter * pixels / -seen.z, 1.6);
       tint = shade;
     }`,
@@ -149,6 +151,7 @@ const build = (side, diameter) => {
   geometry.setAttribute("position", new BufferAttribute(side.positions, 3));
   side.shade = new BufferAttribute(new Uint8Array(3 * side.count), 3, true);
   geometry.setAttribute("shade", side.shade);
+  geometry.setAttribute("level", new BufferAttribute(side.level, 1));
   side.material = pointMaterial();
   side.diameter = diameter;
   const points = new Points(geometry, side.material);
@@ -202,6 +205,13 @@ const show = (view) => {
   controls.update();
 };
 
+/// The level down to which the output is shown; the last one if there is no choice.
+const deepest = () => Number(element("level")?.value ?? 255);
+/// Whether all points of the output are shown.
+const isWhole = () => !element("level") || deepest() === place.levels.length - 1;
+/// The mean distance of the points that are shown over that of all points, as far as they lie on surfaces.
+const widening = () => (isWhole() ? 1 : Math.sqrt(place.levels.at(-1) / place.levels[deepest()]));
+
 let isDrawn = false;
 const draw = () => {
   isDrawn = false;
@@ -220,7 +230,8 @@ const draw = () => {
   rim.uniforms.paper.value.setStyle(getComputedStyle(document.body).backgroundColor, "");
   const pixels = target.height / 2 / Math.tan((camera.fov * Math.PI) / 360);
   [before, after].forEach((side, k) => {
-    side.material.uniforms.diameter.value = side.diameter * Number(element("size").value);
+    const wider = side === after ? widening() : 1;
+    side.material.uniforms.diameter.value = side.diameter * wider * Number(element("size").value);
     side.material.uniforms.pixels.value = pixels;
     renderer.setRenderTarget(target);
     renderer.clear();
@@ -254,6 +265,14 @@ matchMedia("(prefers-color-scheme:dark)").addEventListener("change", redraw);
 element("by").addEventListener("change", recolor);
 element("size").addEventListener("input", redraw);
 element("borders").addEventListener("change", redraw);
+const showLevel = () => {
+  const number = (count) => String(count).replace(/\B(?=(\d{3})+$)/g, "\u202f");
+  after.material.uniforms.deepest.value = deepest();
+  element("level-says").textContent = `0 to ${deepest()}: ${number(place.levels[deepest()])} of ${number(place.levels.at(-1))} points`;
+  redraw();
+};
+element("level")?.addEventListener("input", showLevel);
+if (element("level")) showLevel();
 for (const view of Object.keys(views)) element(view).addEventListener("click", () => show(view));
 canvas.addEventListener("keydown", (event) => {
   const nearer = { "+": 0.9, "=": 0.9, "-": 1 / 0.9 }[event.key];

@@ -49,12 +49,16 @@ impl Report {
             .replace("{AFTER}", &shown_of_output(sample))
             .replace("{MESH CONTROL}", with_mesh(MESH_CONTROL))
             .replace("{MESH HELP}", with_mesh(MESH_HELP))
+            .replace("{LEVEL CONTROL}", &level_control(sample))
             .replace("{OPTIONS}", &options(sample))
             .replace("{PLACE}", &description(self, sample).to_string());
         // These are long, and so come last: no name is searched in them.
         let long = [
-            ("{POINTS BEFORE}", packed(&sample.before)),
-            ("{POINTS AFTER}", packed(&sample.after)),
+            ("{POINTS BEFORE}", packed(&sample.before, false)),
+            (
+                "{POINTS AFTER}",
+                packed(&sample.after, !sample.levels.is_empty()),
+            ),
             ("{TRIANGLES}", triangles_element(&sample.triangles)),
             ("{THREE}", THREE.to_owned()),
             ("{SCRIPT}", [SCRIPT, with_mesh(MESH_SCRIPT)].concat()),
@@ -93,6 +97,9 @@ fn description(report: &Report, sample: &ViewerSample) -> Value {
         "after": sample.after.len(),
         "borders": sample.borders,
     });
+    if !sample.levels.is_empty() {
+        description["levels"] = sample.levels.clone().into();
+    }
     if !sample.triangles.is_empty() {
         description["triangles"] = sample.triangles.len().into();
     }
@@ -120,6 +127,18 @@ fn options(sample: &ViewerSample) -> String {
         .filter(|(_, _, is_useful)| *is_useful)
         .map(|(value, name, _)| format!("<option value=\"{value}\">{name}</option>"))
         .collect()
+}
+
+/// Returns the slider through the levels of the output; nothing if there are none.
+fn level_control(sample: &ViewerSample) -> String {
+    match sample.levels.len() {
+        0 | 1 => String::new(),
+        levels => format!(
+            "\n<label>levels <input type=\"range\" id=\"level\" min=\"0\" max=\"{0}\" step=\"1\" value=\"{0}\">\
+             <output id=\"level-says\" for=\"level\"></output></label>",
+            levels - 1
+        ),
+    }
 }
 
 /// Returns in words which square is shown.
@@ -185,9 +204,9 @@ fn packed_triangles(triangles: &[[u32; 3]]) -> String {
 }
 
 /// Returns points as `viewer.js` unpacks them: planes of x, y and z (differences from the point
-/// before, in steps, 16 bits), red, green, blue, intensity, class and distance, compressed, as
-/// text.
-fn packed(points: &[ViewerPoint]) -> String {
+/// before, in steps, 16 bits), red, green, blue, intensity, class, distance and, if there are
+/// levels, level, compressed, as text.
+fn packed(points: &[ViewerPoint], has_levels: bool) -> String {
     let mut planes = Vec::with_capacity(12 * points.len());
     for axis in 0..3 {
         let mut last = 0_u16;
@@ -203,6 +222,9 @@ fn packed(points: &[ViewerPoint]) -> String {
     planes.extend(points.iter().map(|point| point.intensity));
     planes.extend(points.iter().map(|point| point.class));
     planes.extend(points.iter().map(|point| point.distance));
+    if has_levels {
+        planes.extend(points.iter().map(|point| point.level));
+    }
     compressed(&planes)
 }
 

@@ -83,10 +83,12 @@ after.scene.add(faces, edges);
 const showAs = () => {
   const choice = element("as").value;
   canvas.dataset.as = choice;
-  faces.visible = choice !== "points";
-  edges.visible = choice === "edges";
+  // Triangles lie between all points.
+  faces.visible = choice !== "points" && isWhole();
+  edges.visible = choice === "edges" && isWhole();
   points.geometry.setIndex(faces.visible ? others : null);
   redraw();
 };
 element("as").addEventListener("change", showAs);
+element("level")?.addEventListener("input", showAs);
 showAs();

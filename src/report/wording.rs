@@ -8,7 +8,6 @@ use super::numbers::mebibytes;
 pub(crate) fn stage_title(stage: &str) -> &str {
     match stage {
         "look" => "overview",
-        "sort" => "octree",
         plain => plain,
     }
 }

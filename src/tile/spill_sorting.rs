@@ -12,8 +12,8 @@ use crate::{
 /// The place and the memory of a spill in which points are sorted.
 #[derive(Clone, Debug)]
 pub(crate) struct SpillSpace {
-    /// The path of the spill's files without their endings.
-    pub(crate) stem: PathBuf,
+    /// The directory of the spill's files.
+    pub(crate) directory: PathBuf,
     /// The memory for buffers while points are added, in bytes.
     pub(crate) buffer_bytes: usize,
 }
@@ -21,10 +21,16 @@ pub(crate) struct SpillSpace {
 impl SortingSpace for SpillSpace {
     fn begin(
         &self,
+        name: &str,
         grid: CellGrid,
         record_length: usize,
     ) -> Result<Box<dyn RecordSorter>, StoreError> {
-        let writer = SpillWriter::create(&self.stem, grid, record_length, self.buffer_bytes)?;
+        let writer = SpillWriter::create(
+            &self.directory.join(name),
+            grid,
+            record_length,
+            self.buffer_bytes,
+        )?;
         Ok(Box::new(writer))
     }
 }

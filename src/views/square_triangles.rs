@@ -12,7 +12,7 @@ use crate::geometry::{Rect, Stored};
 #[derive(Debug)]
 pub(crate) struct SquareTriangles {
     /// The square; `None` if there is nothing to show.
-    pub(super) square: Option<Rect>,
+    pub(crate) square: Option<Rect>,
     /// The points in the square by their numbers in the mesh, in ascending order.
     points: Vec<(u32, Stored)>,
     /// The triangles whose corners are all in the square; the corners run counterclockwise, seen from the front.

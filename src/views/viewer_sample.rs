@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::{cloud_pair::CloudPair, error::ViewError, square_triangles::SquareTriangles};
 use crate::{
     geometry::{NeighborGrid, Rect, Stored},
-    las::DisplayAttributes,
+    las::{CloudLevels, DisplayAttributes},
 };
 
 /// A square of the plane with the points of input and output in it. Lengths are CRS units;
@@ -35,6 +35,8 @@ pub(crate) struct ViewerSample {
     pub(crate) triangles: Vec<[u32; 3]>,
     /// The west, south, east and north borders of the tiles that meet in the square.
     pub(crate) borders: Vec<[f64; 4]>,
+    /// The number of points of the whole output down to each level; empty if it has no levels.
+    pub(crate) levels: Vec<u64>,
 }
 
 /// A point as the viewer shows it.
@@ -51,6 +53,8 @@ pub(crate) struct ViewerPoint {
     /// The distance to the nearest other point of the output, in 1/128 of a spacing; 0 for a point
     /// of the input.
     pub(crate) distance: u8,
+    /// The level of a point of the output; 0 for a point of the input, or if there are no levels.
+    pub(crate) level: u8,
 }
 
 /// The expected number of input points that are shown, at most.
@@ -66,13 +70,17 @@ const DISTANCE_UNITS_PER_SPACING: f64 = 128.0;
 type SeenPoint = (Stored, DisplayAttributes);
 
 impl CloudPair<'_> {
-    /// Cuts out the square of `mesh`, whose triangles are shown with its points; the sample is empty if there is
-    /// no square.
+    /// Cuts out the square of `mesh`, whose triangles are shown with its points, and which `levels` cover if there are any;
+    /// the sample is empty if there is no square.
     ///
     /// # Errors
     ///
     /// [`ViewError::Tile`] if a temporary file cannot be read.
-    pub(crate) fn viewer_sample(&self, mesh: &SquareTriangles) -> Result<ViewerSample, ViewError> {
+    pub(crate) fn viewer_sample(
+        &self,
+        mesh: &SquareTriangles,
+        levels: Option<&CloudLevels>,
+    ) -> Result<ViewerSample, ViewError> {
         let Some(square) = mesh.square else {
             return Ok(ViewerSample::default());
         };
@@ -91,7 +99,10 @@ impl CloudPair<'_> {
         };
         let after = sorted(
             (after.iter().zip(distances))
-                .map(|(seen, distance)| frame.show(seen, distance))
+                .map(|(seen, distance)| ViewerPoint {
+                    level: levels.map_or(0, |levels| levels.level_of(seen.0)),
+                    ..frame.show(seen, distance)
+                })
                 .collect(),
         );
         let scale = self.quantization.scale;
@@ -110,6 +121,7 @@ impl CloudPair<'_> {
             triangles: frame.triangles(&mesh.triangles, &after),
             after,
             borders: self.borders(&square),
+            levels: levels.map_or(Vec::new(), |levels| levels.points.clone()),
         })
     }
 
@@ -233,6 +245,7 @@ impl Frame {
             intensity: (255.0 * f64::from(attributes.intensity) / self.strong_intensity) as u8,
             class: attributes.class,
             distance,
+            level: 0,
         }
     }
 

@@ -75,6 +75,7 @@ class JobOptions(TypedDict, total=False):
     with_: str | Iterable[str] | None
     output_tiles: Length | None
     format: Literal["laz", "pcd"] | None
+    order: Literal["nearby", "progressive"] | None
     pcd: Literal["binary", "compressed"] | None
     pcd_origin: Sequence[float] | str | None
     mesh: PathLike | None
@@ -162,6 +163,8 @@ def run(
         Write a directory of square tiles with this edge.
     format : {"laz", "pcd"}, optional
         Format of the tiles; pcd: with the index of Autoware.
+    order : {"nearby", "progressive"}, optional
+        Order of the points in LAZ, LAS and PLY files; progressive: the first points, however many, are a coarser cloud.
     pcd : {"binary", "compressed"}, optional
         Encoding of PCD files.
     pcd_origin : (x, y, z) or "mgrs", optional

@@ -50,10 +50,14 @@ impl<'a> Ordering<'a> {
         let solver = &planned.solver;
         let grids = OrderingGrids::new(solver.options.spacing, &solver.plan.quantization);
         let space = SpillSpace {
-            stem: scratch.path().join("mesh"),
+            directory: scratch.path().to_owned(),
             buffer_bytes: run.budget.buffers(),
         };
-        let sorter = space.begin(grids.groups, solver.transfer.record().record_length());
+        let sorter = space.begin(
+            "mesh",
+            grids.groups,
+            solver.transfer.record().record_length(),
+        );
         Ok(Some(Self {
             mesh,
             grids,

@@ -8,11 +8,12 @@ use super::{
     views::ResultViews, write::write_tiles,
 };
 use crate::{
+    geometry::Rect,
     job::{
         context::RunContext,
         directory::{Scratch, SolvedTiles},
         error::JobError,
-        outcome::{Outcome, RunCosts, WrittenCloud},
+        outcome::{Outcome, ReportedLevels, RunCosts, WrittenCloud},
         progress::{Progress, Unit},
         tile_figures::TileFigures,
     },
@@ -95,13 +96,14 @@ pub(crate) fn complete_output(
     let (mesh_figures, mesh) = mesh.transpose()?.unzip();
     let mesh = mesh.flatten();
 
+    // Sort the points, if the format or the order asks for it, and complete the file.
+    let complete = sort(run, writer, seen.square.as_ref())?;
+
     // Make the views for the report.
-    let views = ResultViews::new(&cloud, map, writer.points(), largest, &seen)?;
+    let levels = complete.levels();
+    let views = ResultViews::new(&cloud, map, complete.points(), largest, &seen, levels)?;
     // Reports and scripts know the stage by this name.
     run.clock.end_stage("look");
-
-    // Sort the points, if the format asks for it, and complete the file.
-    let complete = sort(run, writer)?;
 
     // Check conservation: every site is a point of the output.
     let sites: u64 = tiles.iter().map(|tile| tile.sites).sum();
@@ -121,6 +123,7 @@ pub(crate) fn complete_output(
             points: complete.points(),
             bytes: complete.bytes(),
             delta_by_tile,
+            levels: complete.levels().map(ReportedLevels::of),
         },
         mesh: mesh_figures,
         mesh_levels: Vec::new(),
@@ -202,9 +205,10 @@ fn create_writer(
     let workspace = Workspace {
         spacing: solver.options.spacing,
         tile_edge: job.settings.output_tiles.unwrap_or(0.0),
+        order: job.settings.order,
         pcd: job.settings.pcd,
         sorting: Arc::new(SpillSpace {
-            stem: scratch.path().join("octree"),
+            directory: scratch.path().to_owned(),
             buffer_bytes: run.budget.buffers(),
         }),
         sort_bytes: run.budget.tile() as usize / 2,
@@ -217,13 +221,18 @@ fn create_writer(
     )?)
 }
 
-/// Completes the file of `writer`, and reports the stage if that sorts the points.
-fn sort(run: &RunContext<'_>, writer: CloudWriter) -> Result<CompleteCloud, JobError> {
+/// Completes the file of `writer`, and reports the stage if that sorts the points. If the cloud has levels, those of the
+/// points in `seen` are returned with it.
+fn sort(
+    run: &RunContext<'_>,
+    writer: CloudWriter,
+    seen: Option<&Rect>,
+) -> Result<CompleteCloud, JobError> {
     let is_sorted = run.job.is_sorted();
     if is_sorted {
         run.progress.begin("sort", writer.points(), 0, Unit::Points);
     }
-    let complete = writer.complete(&|points| run.progress.advance(points))?;
+    let complete = writer.complete(seen, &|points| run.progress.advance(points))?;
     if is_sorted {
         run.progress.end();
         run.clock.end_stage("sort");

@@ -2,6 +2,7 @@
 
 use crate::{
     job::error::JobError,
+    las::CloudLevels,
     picture::View,
     views::{
         CloudPair, Coloring, DetailView, PictureOptions, SquareTriangles, UniformityMap,
@@ -34,7 +35,7 @@ pub(crate) struct ResultViews {
 
 impl ResultViews {
     /// Makes the views of `cloud`, which has `points`. The detail view lies in the tile with the
-    /// number `tile`, and the viewer sample in the square of `mesh`.
+    /// number `tile`, and the viewer sample in the square of `mesh`, with the `levels` of its points.
     ///
     /// # Errors
     ///
@@ -45,6 +46,7 @@ impl ResultViews {
         points: u64,
         tile: u32,
         mesh: &SquareTriangles,
+        levels: Option<&CloudLevels>,
     ) -> Result<Self, JobError> {
         let overview = draw_picture(
             &OVERVIEW,
@@ -66,7 +68,7 @@ impl ResultViews {
         let worst = worst.collect::<Result<Vec<WorstPlace>, JobError>>()?;
         Ok(Self {
             detail: cloud.detail_in_middle_of(tile)?,
-            viewer_sample: cloud.viewer_sample(mesh)?,
+            viewer_sample: cloud.viewer_sample(mesh, levels)?,
             overview,
             uniformity_map,
             worst,

@@ -6,6 +6,7 @@ use ::las::Vlr;
 
 use super::{
     pcd_options::PcdOptions,
+    point_order::PointOrder,
     store::{RecordSorter, SortingSpace},
 };
 use crate::{
@@ -46,6 +47,8 @@ pub(crate) struct Workspace {
     pub(crate) tile_edge: f64,
     /// How PCD files are written.
     pub(crate) pcd: PcdOptions,
+    /// The order of the points in LAS, LAZ and PLY files.
+    pub(crate) order: PointOrder,
     /// The space for temporary files.
     pub(crate) sorting: Arc<dyn SortingSpace>,
     /// The memory for points that are sorted, in bytes.
@@ -67,7 +70,7 @@ impl Workspace {
             .quantization
             .units(SORTING_CELL_IN_SPACINGS * self.spacing);
         self.sorting
-            .begin(CellGrid::new(cell), header.record.record_length())
+            .begin("octree", CellGrid::new(cell), header.record.record_length())
             .map_err(|e| LasError::unwritable(path, e))
     }
 }

@@ -1,5 +1,4 @@
-//! The columns in which an octree is written: each contains all points of every voxel of the
-//! root in it, and few enough to be sorted in memory.
+//! The columns in which an octree is written: each of few enough points to be sorted in memory.
 
 use std::{
     cmp::Ordering,
@@ -8,13 +7,11 @@ use std::{
 
 use super::{octree::Octree, store::SortedRecords};
 
-/// The binary logarithm of the number of voxels along the edge of a node: more than the first
-/// only if columns would not fit into memory otherwise.
-const VOXEL_BITS: std::ops::RangeInclusive<u32> = 7..=9;
+/// The deepest level of columns. A column is open in memory with a node of each level above it.
+const DEEPEST_COLUMN: u32 = 12;
 
-/// An octree, and the columns of nodes in which it is written.
+/// The columns of nodes in which an octree is written.
 pub(super) struct ColumnPlan {
-    pub(super) octree: Octree,
     /// The level of the nodes of which the columns consist.
     pub(super) level: u32,
     /// The positions of the columns, in the order in which they are written.
@@ -22,16 +19,11 @@ pub(super) struct ColumnPlan {
 }
 
 impl ColumnPlan {
-    /// Plans an octree for `points`, which are `spacing` apart (stored units), in columns of
-    /// at most `most` points if that is possible.
-    pub(super) fn new(points: &dyn SortedRecords, spacing: i64, most: u64) -> Self {
-        let (bounds, squares) = (points.bounds(), points.squares());
-        let candidates = VOXEL_BITS.flat_map(|bits| {
-            let octree = Octree::around(&bounds, spacing, bits);
-            (0..=octree.deepest_column()).map(move |level| (octree, level))
-        });
-        let mut last = None;
-        for (octree, level) in candidates {
+    /// Plans columns of the `octree` of `points` with at most `most` points each, if that is possible.
+    pub(super) fn new(octree: &Octree, points: &dyn SortedRecords, most: u64) -> Self {
+        let squares = points.squares();
+        let mut last = (0, BTreeSet::from([[0, 0]]));
+        for level in 0..=octree.deepest().min(DEEPEST_COLUMN) {
             let mut counts = BTreeMap::<[u32; 2], u64>::new();
             // A counting square counts for every column that it touches.
             for (rect, points) in &squares {
@@ -44,23 +36,15 @@ impl ColumnPlan {
                 }
             }
             let fits = counts.values().all(|&points| points <= most);
-            let occupied: BTreeSet<[u32; 2]> = counts.into_keys().collect();
-            last = Some((octree, level, occupied));
+            last = (level, counts.into_keys().collect());
             if fits {
                 break;
             }
         }
-        let (octree, level, occupied) = last.unwrap_or_else(|| {
-            let octree = Octree::around(&bounds, spacing, *VOXEL_BITS.start());
-            (octree, 0, BTreeSet::from([[0, 0]]))
-        });
+        let (level, occupied) = last;
         let mut columns: Vec<[u32; 2]> = occupied.into_iter().collect();
         columns.sort_by(|a, b| quarter_by_quarter(*a, *b));
-        Self {
-            octree,
-            level,
-            columns,
-        }
+        Self { level, columns }
     }
 }
 

@@ -1,10 +1,9 @@
 //! COPC: a LAZ file as an octree, written within bounded memory.
 //!
-//! Records are given in any order and sorted by position. Then the plane is taken in
-//! columns, each of which contains all points of every voxel in it ([`Octree`]), in an
-//! order that leaves one ancestor of every level behind before it enters the next: nodes
-//! below the columns are complete with their column, and of the few above only those
-//! over the present column are open.
+//! Records are given in any order and sorted by position. Points are elected for each level
+//! ([`NestedSets`]). Then the plane is taken in columns of nodes, in an order that leaves one
+//! ancestor of every level behind before it enters the next: nodes below the columns are
+//! complete with their column, and of the few above only those over the present column are open.
 //!
 //! (COPC 1.0: a LAZ file of chunks of any length, a node each; a record of 160 bytes
 //! after the header; a table of nodes at the end.)
@@ -16,21 +15,23 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use rayon::prelude::*;
-
 use super::{
     cloud::{CloudHeader, Workspace},
+    cloud_levels::CloudLevels,
     columns::ColumnPlan,
     copc_nodes::{NodeRecords, NodeWriter},
     las_header::{PointEncoding, las_header},
+    leveled_records::LeveledRecords,
+    nested_sets::NestedSets,
     octree::Octree,
     part_file::PartFile,
+    point_order::PointOrder,
     sink::SinkMonitor,
     store::{RecordSorter, SortedRecords, StoreError},
     writer::{CloudBody, CloudWriter, Completion},
 };
 use crate::{
-    geometry::Stored,
+    geometry::Rect,
     las::{
         error::LasError,
         format::{
@@ -86,6 +87,7 @@ impl CloudBody for CopcBody {
     fn complete(
         self: Box<Self>,
         points: u64,
+        seen: Option<&Rect>,
         progress: &dyn Fn(u64),
     ) -> Result<Completion, LasError> {
         let Self {
@@ -100,16 +102,28 @@ impl CloudBody for CopcBody {
         let las = las_header(&header, PointEncoding::Copc).map_err(|e| wrong(&e))?;
         let mut file = BufWriter::with_capacity(1 << 20, file);
         las.write_to(&mut file).map_err(|e| wrong(&e))?;
-        let (mut file, hierarchy_offset) =
-            write_octree(&*sorted, &header, &workspace, file, progress).map_err(|e| wrong(&e))?;
+        let (bounds, scale) = (sorted.bounds(), header.quantization.scale);
+        let octree = Octree::around(&bounds, workspace.spacing / scale);
+        let sets = NestedSets::elect(&*sorted, octree.radii(), 0, &workspace);
+        let sets = sets.map_err(|e| wrong(&e))?;
+        let order = PointOrder::default();
+        let levels = sets
+            .figures(&workspace)
+            .and_then(|figures| CloudLevels::new(order, &sets, figures, scale, seen))
+            .map_err(|e| wrong(&e))?;
+        let written = write_octree(
+            &*sorted, &sets, &octree, &header, &workspace, file, progress,
+        );
+        let (mut file, hierarchy_offset) = written.map_err(|e| wrong(&e))?;
         file.flush().map_err(|e| wrong(&e))?;
-        let bounds = sorted.bounds();
         let bounds = header_bounds(&header.quantization, &[bounds.min, bounds.max], points);
+        sets.remove();
         sorted.remove();
-        Ok(Completion::File(vec![
+        let amendments = vec![
             (BOUNDS_START, bounds),
             (EXTENDED_START, extended_counts(hierarchy_offset, points)),
-        ]))
+        ];
+        Ok(Completion::File(amendments, Some(levels)))
     }
 }
 
@@ -118,6 +132,8 @@ impl CloudBody for CopcBody {
 /// of the hierarchy in it.
 fn write_octree<W: Write + Seek + Send>(
     sorted: &dyn SortedRecords,
+    levels: &NestedSets<'_>,
+    octree: &Octree,
     header: &CloudHeader,
     workspace: &Workspace,
     file: W,
@@ -126,12 +142,7 @@ fn write_octree<W: Write + Seek + Send>(
     let record = &header.record;
     let record_length = record.record_length();
     let most = workspace.sort_bytes / (2 * record_length + SORTING_BYTES_PER_POINT);
-    let spacing = header.quantization.units(workspace.spacing);
-    let ColumnPlan {
-        octree,
-        level,
-        columns,
-    } = ColumnPlan::new(sorted, spacing, most as u64);
+    let ColumnPlan { level, columns } = ColumnPlan::new(octree, sorted, most as u64);
     // A record is no longer than its format can say.
     let compression = compression_of(record.point_format, record.extra_length() as u16);
     let compression = compression.map_err(io::Error::other)?;
@@ -142,9 +153,10 @@ fn write_octree<W: Write + Seek + Send>(
         for complete in open.leave_for(column) {
             nodes.add(complete)?;
         }
-        let records = sorted.read(&octree.rect_of_column(column, level))?;
-        let complete = distribute(&octree, &records, record_length, &mut open);
-        drop(records);
+        let rect = octree.rect_of_column(column, level);
+        let ordered = LeveledRecords::read(sorted, levels, &rect, record_length)?;
+        let complete = distribute(octree, &ordered, &mut open);
+        drop(ordered);
         nodes.add(complete)?;
         progress(nodes.points() - reported);
         reported = nodes.points();
@@ -161,7 +173,7 @@ fn write_octree<W: Write + Seek + Send>(
         );
         return Err(lost.into());
     }
-    Ok(nodes.finish(&octree, &header.quantization)?)
+    Ok(nodes.finish(octree, &header.quantization)?)
 }
 
 /// The nodes above the columns, as far as they are known: of each level those over the
@@ -199,45 +211,15 @@ impl OpenNodes {
 
 /// Gives every record of a column to a node: to one of the `open` nodes above the column, or
 /// to one of the nodes below, which are returned.
-fn distribute(
-    octree: &Octree,
-    records: &[u8],
-    record_length: usize,
-    open: &mut OpenNodes,
-) -> NodeRecords {
+fn distribute(octree: &Octree, records: &LeveledRecords, open: &mut OpenNodes) -> NodeRecords {
     let mut complete = BTreeMap::new();
-    let sorted = by_voxel(octree, records, record_length);
-    let points: Vec<(u64, Stored)> = sorted.iter().map(|&(key, p, _)| (key, p)).collect();
-    for (&(key, _, number), level) in sorted.iter().zip(octree.levels(&points)) {
+    for (point, level, record) in records.iter() {
         let nodes = match open.levels.get_mut(usize::from(level)) {
             Some(open) => open,
             None => &mut complete,
         };
-        let record = &records[number as usize * record_length..][..record_length];
-        let node = octree.node(key, level.into());
+        let node = octree.node(point, level.into());
         nodes.entry(node).or_default().extend(record);
     }
     complete
-}
-
-/// The points of `records` with the key of their voxel and their number, sorted by voxel, and
-/// those of one position by all of their bytes.
-fn by_voxel(octree: &Octree, records: &[u8], record_length: usize) -> Vec<(u64, Stored, u32)> {
-    // The records of a column are in memory: their number fits into 32 bits.
-    let count = (records.len() / record_length) as u32;
-    let mut sorted: Vec<(u64, Stored, u32)> = records
-        .par_chunks_exact(record_length)
-        .zip(0..count)
-        .map(|(record, number)| {
-            let point = Stored::of_record(record);
-            (octree.voxel_key(point), point, number)
-        })
-        .collect();
-    let record = |number: u32| &records[number as usize * record_length..][..record_length];
-    sorted.par_sort_unstable_by(|a, b| {
-        (a.0, a.1)
-            .cmp(&(b.0, b.1))
-            .then_with(|| record(a.2).cmp(record(b.2)))
-    });
-    sorted
 }

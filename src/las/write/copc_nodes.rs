@@ -131,6 +131,25 @@ impl<W: Write + Seek + Send> NodeWriter<W> {
         Ok(())
     }
 
+    /// Adds the nodes without points that have points below them: readers descend from node to node.
+    fn add_empty_ancestors(&mut self) {
+        let with_points: Vec<NodeKey> = self.entries.keys().copied().collect();
+        for mut key in with_points {
+            while let Some(parent) = key.parent() {
+                if self.entries.contains_key(&parent) {
+                    break;
+                }
+                let empty = ChunkEntry {
+                    offset: 0,
+                    bytes: 0,
+                    points: 0,
+                };
+                self.entries.insert(parent, empty);
+                key = parent;
+            }
+        }
+    }
+
     /// Writes the table of chunks, the hierarchy, and the record that says where they are.
     /// Returns the file, and the offset of the hierarchy, an extended record.
     ///
@@ -143,6 +162,7 @@ impl<W: Write + Seek + Send> NodeWriter<W> {
         quantization: &Quantization,
     ) -> io::Result<(W, u64)> {
         self.chunks.write_to(&mut self.file, &self.compression)?;
+        self.add_empty_ancestors();
         let hierarchy_offset = self.file.stream_position()?;
         self.file.seek(SeekFrom::Start(self.start))?;
         self.file.write_all(&self.next.to_le_bytes())?;

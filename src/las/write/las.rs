@@ -12,7 +12,7 @@ use super::{
     writer::{CloudBody, CloudWriter, Completion},
 };
 use crate::{
-    geometry::Quantization,
+    geometry::{Quantization, Rect},
     las::{
         error::LasError,
         format::{
@@ -79,6 +79,7 @@ impl CloudBody for LasBody {
     fn complete(
         self: Box<Self>,
         points: u64,
+        _seen: Option<&Rect>,
         _progress: &dyn Fn(u64),
     ) -> Result<Completion, LasError> {
         let Self {
@@ -93,9 +94,10 @@ impl CloudBody for LasBody {
         // writer is dropped.
         drop(writer);
         let no_counts = vec![0; (LEGACY_COUNTS.end - LEGACY_COUNTS.start) as usize];
-        Ok(Completion::File(vec![
+        let amendments = vec![
             (LEGACY_COUNTS.start, no_counts),
             (BOUNDS_START, header_bounds(&quantization, &bounds, points)),
-        ]))
+        ];
+        Ok(Completion::File(amendments, None))
     }
 }

@@ -5,15 +5,19 @@
 //! order of the records; COPC, PCD and tiles sort them first, in temporary files.
 
 pub(super) mod cloud;
+pub(super) mod cloud_levels;
 mod columns;
 mod copc;
 mod copc_nodes;
 mod create;
+mod election;
 mod las;
 mod las_header;
+mod leveled_records;
 mod lzf;
 pub(super) mod mesh;
-mod morton;
+pub(super) mod nearest_figures;
+mod nested_sets;
 mod octree;
 mod ordered_records;
 pub(super) mod output_format;
@@ -23,6 +27,9 @@ mod pcd_fields;
 pub(super) mod pcd_options;
 mod pcd_tiles;
 mod ply;
+pub(super) mod point_order;
+mod point_set;
+mod progressive;
 mod sink;
 pub(super) mod squares;
 pub(super) mod store;

@@ -48,6 +48,11 @@ impl Format {
         }
     }
 
+    /// Whether points stand in the file in the order in which they are given.
+    pub(crate) fn keeps_order(self) -> bool {
+        matches!(self, Self::Las | Self::Laz | Self::Ply)
+    }
+
     /// Refuses to replace a directory, except that tiles replace one in which there is
     /// nothing but tiles.
     ///

@@ -274,6 +274,7 @@ impl CloudBody for PcdBody {
     fn complete(
         self: Box<Self>,
         _points: u64,
+        _seen: Option<&Rect>,
         progress: &dyn Fn(u64),
     ) -> Result<Completion, LasError> {
         let Self {
@@ -294,7 +295,7 @@ impl CloudBody for PcdBody {
         let (points, amendments) = written.map_err(wrong)?;
         progress(points);
         sorted.remove();
-        Ok(Completion::File(amendments))
+        Ok(Completion::File(amendments, None))
     }
 }
 

@@ -16,7 +16,7 @@ use super::{
     writer::{CloudBody, CloudWriter, Completion},
 };
 use crate::{
-    geometry::{Quantization, Stored},
+    geometry::{Quantization, Rect, Stored},
     las::{
         error::LasError,
         format::{
@@ -130,6 +130,7 @@ impl CloudBody for PlyBody {
     fn complete(
         mut self: Box<Self>,
         points: u64,
+        _seen: Option<&Rect>,
         _progress: &dyn Fn(u64),
     ) -> Result<Completion, LasError> {
         self.sink
@@ -139,6 +140,6 @@ impl CloudBody for PlyBody {
         if let (Some(offset), false) = (self.color_offset, self.is_deep) {
             changes.push((offset, ColorDepth::Eight.header_lines().into_bytes()));
         }
-        Ok(Completion::File(changes))
+        Ok(Completion::File(changes, None))
     }
 }

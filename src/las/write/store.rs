@@ -14,13 +14,15 @@ pub(crate) type StoreError = Box<dyn std::error::Error + Send + Sync>;
 
 /// A directory of temporary files in which records can be sorted.
 pub(crate) trait SortingSpace: Debug {
-    /// Begins to sort records of `record_length` bytes into the cells of `grid`.
+    /// Begins to sort records of `record_length` bytes into the cells of `grid`, in files with this `name`: "octree", or
+    /// that with numbers behind it.
     ///
     /// # Errors
     ///
     /// If no file can be made.
     fn begin(
         &self,
+        name: &str,
         grid: CellGrid,
         record_length: usize,
     ) -> Result<Box<dyn RecordSorter>, StoreError>;

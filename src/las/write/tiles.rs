@@ -21,7 +21,7 @@ use super::{
     writer::{CloudBody, CloudWriter, CompleteCloud, Completion},
 };
 use crate::{
-    geometry::Stored,
+    geometry::{Rect, Stored},
     las::{error::LasError, format::crs::Crs},
 };
 
@@ -80,6 +80,7 @@ impl CloudBody for TilesBody {
     fn complete(
         self: Box<Self>,
         _points: u64,
+        _seen: Option<&Rect>,
         progress: &dyn Fn(u64),
     ) -> Result<Completion, LasError> {
         let Self {
@@ -200,7 +201,7 @@ impl Tiles<'_> {
             return Err(error);
         }
         writer.write(&waiting)?;
-        Ok((writer.complete(&|_| {})?, heights))
+        Ok((writer.complete(None, &|_| {})?, heights))
     }
 
     /// The entry of a tile in the index.

@@ -7,8 +7,8 @@ use std::{
     path::Path,
 };
 
-use super::{part_file::PartFile, sink::SinkMonitor};
-use crate::las::error::LasError;
+use super::{cloud_levels::CloudLevels, part_file::PartFile, sink::SinkMonitor};
+use crate::{geometry::Rect, las::error::LasError};
 
 /// The body of a cloud: what turns records into the bytes of a format.
 pub(super) trait CloudBody {
@@ -19,8 +19,8 @@ pub(super) trait CloudBody {
     /// If they cannot be written.
     fn write(&mut self, records: &[u8]) -> Result<(), LasError>;
 
-    /// Writes everything that follows the `points` points of the cloud. `progress` gets the
-    /// numbers of points that are sorted meanwhile.
+    /// Writes everything that follows the `points` points of the cloud. If the cloud has levels, those of the points in
+    /// `seen` are returned. `progress` gets the numbers of points that are sorted meanwhile.
     ///
     /// # Errors
     ///
@@ -28,6 +28,7 @@ pub(super) trait CloudBody {
     fn complete(
         self: Box<Self>,
         points: u64,
+        seen: Option<&Rect>,
         progress: &dyn Fn(u64),
     ) -> Result<Completion, LasError>;
 }
@@ -35,8 +36,8 @@ pub(super) trait CloudBody {
 /// What is left to do for a body that is complete.
 pub(super) enum Completion {
     /// These bytes of the header, which were not known before, are overwritten: the offset of
-    /// the first one in the file, and the bytes.
-    File(Vec<(u64, Vec<u8>)>),
+    /// the first one in the file, and the bytes. The cloud may have levels.
+    File(Vec<(u64, Vec<u8>)>, Option<CloudLevels>),
     /// Nothing is left to do: the files in the directory are complete, and have this many bytes
     /// together.
     Directory(u64),
@@ -93,13 +94,42 @@ impl CloudWriter {
         self.points
     }
 
-    /// Completes the cloud under its preliminary name. `progress` gets the numbers of points
-    /// that are sorted meanwhile, if the format needs it.
+    /// Passes records through another body, which `wrap` makes of the present one.
+    ///
+    /// # Errors
+    ///
+    /// That of `wrap`.
+    pub(super) fn wrapped(
+        self,
+        wrap: impl FnOnce(Box<dyn CloudBody>) -> Result<Box<dyn CloudBody>, LasError>,
+    ) -> Result<Self, LasError> {
+        let Self {
+            monitor,
+            body,
+            part,
+            record_length,
+            points,
+        } = self;
+        Ok(Self {
+            monitor,
+            body: wrap(body)?,
+            part,
+            record_length,
+            points,
+        })
+    }
+
+    /// Completes the cloud under its preliminary name. If it has levels, those of the points in `seen` are returned with it.
+    /// `progress` gets the numbers of points that are sorted meanwhile, if the format needs it.
     ///
     /// # Errors
     ///
     /// If the cloud cannot be completed; nothing is left of it then.
-    pub(crate) fn complete(self, progress: &dyn Fn(u64)) -> Result<CompleteCloud, LasError> {
+    pub(crate) fn complete(
+        self,
+        seen: Option<&Rect>,
+        progress: &dyn Fn(u64),
+    ) -> Result<CompleteCloud, LasError> {
         let Self {
             part,
             body,
@@ -107,17 +137,20 @@ impl CloudWriter {
             points,
             ..
         } = self;
-        let bytes = match body.complete(points, progress)? {
-            Completion::Directory(bytes) => bytes,
-            Completion::File(amendments) => {
+        let (bytes, levels) = match body.complete(points, seen, progress)? {
+            Completion::Directory(bytes) => (bytes, None),
+            Completion::File(amendments, levels) => {
                 check(&monitor, part.path())?;
-                amend(part.part(), amendments).map_err(|e| LasError::unwritable(part.path(), e))?
+                let bytes = amend(part.part(), amendments);
+                let bytes = bytes.map_err(|e| LasError::unwritable(part.path(), e))?;
+                (bytes, levels)
             }
         };
         Ok(CompleteCloud {
             part,
             points,
             bytes,
+            levels,
         })
     }
 }
@@ -150,6 +183,7 @@ pub(crate) struct CompleteCloud {
     part: PartFile,
     points: u64,
     bytes: u64,
+    levels: Option<CloudLevels>,
 }
 
 impl CompleteCloud {
@@ -169,6 +203,7 @@ impl CompleteCloud {
             part,
             points,
             bytes,
+            levels: None,
         })
     }
 
@@ -185,6 +220,11 @@ impl CompleteCloud {
     /// The length of the file, or of all files of the directory, in bytes.
     pub(crate) fn bytes(&self) -> u64 {
         self.bytes
+    }
+
+    /// The levels of the cloud, if it has any.
+    pub(crate) fn levels(&self) -> Option<&CloudLevels> {
+        self.levels.as_ref()
     }
 
     /// Gives the cloud its final name.

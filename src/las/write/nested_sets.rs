@@ -1,0 +1,155 @@
+//! Sets of points of which each contains the one before and is elected from the one after: the levels of an octree, and the
+//! ranks of a file of which every beginning is an even cloud.
+//!
+//! ```text
+//!   all points ⊃ elected of them, radius r ⊃ elected of these, q r ⊃ elected of these, q² r ⊃ …
+//! ```
+//!
+//! The radius of the finest election is 1.45 or 1.35 spacings, between those of the first two shells of neighbours of a
+//! hexagonal lattice, 1 and √3 spacings: even points stand nearly so, and a radius near a shell would exclude some
+//! neighbours of it and not others.
+
+use super::{
+    cloud::Workspace,
+    election::Election,
+    nearest_figures::{NearestFigures, nearest_figures},
+    point_set::{PointSet, points_in_memory},
+    store::{SortedRecords, StoreError},
+};
+use crate::geometry::{Rect, Stored, spread};
+
+/// Nested sets of points; the last contains all of them.
+pub(super) struct NestedSets<'a> {
+    /// The elected sets, the smallest first, each with the radius of its election (stored units).
+    elected: Vec<(PointSet<'static>, f64)>,
+    all: &'a dyn SortedRecords,
+}
+
+impl<'a> NestedSets<'a> {
+    /// Elects a set for each radius in `radii` (stored units), which ascend, from the one before; the first is elected from `all`.
+    /// Ends with a set of no more than `fewest` points.
+    ///
+    /// # Errors
+    ///
+    /// If temporary files cannot be read or written.
+    pub(super) fn elect(
+        all: &'a dyn SortedRecords,
+        radii: impl IntoIterator<Item = f64>,
+        fewest: u64,
+        workspace: &Workspace,
+    ) -> Result<Self, StoreError> {
+        let mut elected: Vec<(PointSet<'static>, f64)> = Vec::new();
+        for (number, radius) in radii.into_iter().enumerate() {
+            let election = Election::new(radius);
+            let next = match elected.last() {
+                Some((from, _)) => from.elect(&election, workspace, number)?,
+                None => PointSet::Records(all).elect(&election, workspace, number)?,
+            };
+            let is_last = next.len() <= fewest;
+            elected.push((next, radius));
+            if is_last {
+                break;
+            }
+        }
+        elected.reverse();
+        Ok(Self { elected, all })
+    }
+
+    /// The number of the last set, which contains all points.
+    pub(super) fn last(&self) -> u8 {
+        // The levels of an octree and the ranks of a file are some dozens.
+        self.elected.len() as u8
+    }
+
+    /// The number of points of the set with this number.
+    pub(super) fn len(&self, set: u8) -> u64 {
+        match self.elected.get(usize::from(set)) {
+            Some((elected, _)) => elected.len(),
+            None => self.all.points(),
+        }
+    }
+
+    /// The elected positions in `rect` in ascending order, each with the number of the first set that contains it.
+    ///
+    /// # Errors
+    ///
+    /// If temporary files cannot be read.
+    pub(super) fn first_sets(&self, rect: &Rect) -> Result<Vec<(Stored, u8)>, StoreError> {
+        let mut found = Vec::new();
+        for (number, (set, _)) in (0..).zip(&self.elected) {
+            found.extend(set.read(rect)?.into_iter().map(|point| (point, number)));
+        }
+        found.sort_unstable();
+        found.dedup_by_key(|(point, _)| *point);
+        Ok(found)
+    }
+
+    /// The figures of each set but the last. Lengths are stored units.
+    ///
+    /// # Errors
+    ///
+    /// If temporary files cannot be read.
+    pub(super) fn figures(&self, workspace: &Workspace) -> Result<Vec<NearestFigures>, StoreError> {
+        let most = points_in_memory(workspace);
+        let figures = self
+            .elected
+            .iter()
+            .map(|(set, radius)| nearest_figures(set, *radius, most, &|found, _| Ok(found)));
+        figures.collect()
+    }
+
+    /// The figures of the first `share` of the points in the order of [`order_key`], and the number of these points, which
+    /// is that share within the fluctuations of a hash.
+    ///
+    /// # Errors
+    ///
+    /// If temporary files cannot be read.
+    pub(super) fn figures_of_share(
+        &self,
+        share: f64,
+        workspace: &Workspace,
+    ) -> Result<NearestFigures, StoreError> {
+        let wanted = share * self.all.points() as f64;
+        let set = (0..self.last())
+            .find(|&set| self.len(set) as f64 >= wanted)
+            .unwrap_or(self.last());
+        let before = set.checked_sub(1).map_or(0, |before| self.len(before));
+        let new = (self.len(set) - before).max(1);
+        let limit = ((wanted - before as f64) / new as f64 * u64::MAX as f64) as u64;
+        let (all, elected) = (
+            PointSet::Records(self.all),
+            self.elected.get(usize::from(set)),
+        );
+        // The distances of a part of all points are some spacings; of an elected set, some radii.
+        let (from, radius) = match elected {
+            Some((elected, radius)) => (elected, *radius),
+            None => (&all, self.elected.last().map_or(1.0, |(_, radius)| *radius)),
+        };
+        let earlier = (usize::from(set).checked_sub(1)).map(|before| &self.elected[before].0);
+        let chosen = |mut found: Vec<Stored>, rect: &Rect| {
+            let mut before = match earlier {
+                Some(earlier) => earlier.read(rect)?,
+                None => Vec::new(),
+            };
+            before.sort_unstable();
+            found.retain(|p| order_key(*p) <= limit || before.binary_search(p).is_ok());
+            Ok(found)
+        };
+        let figures = nearest_figures(from, radius, points_in_memory(workspace), &chosen)?;
+        Ok(NearestFigures {
+            spacing: f64::NAN,
+            ..figures
+        })
+    }
+
+    /// Removes the temporary files.
+    pub(super) fn remove(self) {
+        self.elected.into_iter().for_each(|(set, _)| set.remove());
+    }
+}
+
+/// The key by which points of a set that no earlier set contains are put in order: a hash, independent of the one that breaks
+/// ties in elections.
+pub(super) fn order_key(point: Stored) -> u64 {
+    spread(point.tie_break_hash() ^ 0x6c6c_6f79_6461_7221)
+}
