@@ -10,6 +10,7 @@ mod edges;
 mod formats;
 mod isolated;
 mod layers;
+mod levels;
 mod mesh;
 mod mesh_views;
 mod newcomer;

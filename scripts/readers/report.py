@@ -35,7 +35,7 @@ with sync_playwright() as playwright:
         seconds = time.monotonic() - began
         assert seconds < 2.0, f"{seconds:.1f} s to open"
         headings = page.locator("h2").all_inner_texts()
-        assert [h for h in headings if h not in ("Mesh", "Notes")] == SECTIONS, headings
+        assert [h for h in headings if h not in ("Levels", "Mesh", "Notes")] == SECTIONS, headings
         assert page.locator(".card").count() == 4
         overflow = page.evaluate("document.documentElement.scrollWidth - innerWidth")
         assert overflow <= 0, f"{overflow} pixels too wide at {width}"

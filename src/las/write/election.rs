@@ -40,7 +40,7 @@ pub(super) const COLORS: Range<u8> = 0..4;
 
 /// The bytes that an election takes for each point in memory: its position twice, in integers and in the cells of a grid,
 /// some ten neighbours, its state, and its place in the queue.
-pub(super) const ELECTION_BYTES_PER_POINT: usize = 160;
+pub(super) const ELECTION_BYTES_PER_POINT: usize = 200;
 
 /// An election with one radius.
 #[derive(Clone, Copy, Debug)]

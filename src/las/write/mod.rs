@@ -33,6 +33,8 @@ mod progressive;
 mod sink;
 pub(super) mod squares;
 pub(super) mod store;
+#[cfg(test)]
+mod stored_in_memory;
 pub(super) mod tile_format;
 mod tile_names;
 mod tiles;

@@ -39,6 +39,9 @@ impl NearestFigures {
     }
 }
 
+/// Chooses points whose distances are found, of all those of a set in a rectangle.
+type Choice<'a> = dyn Fn(Vec<Stored>, &Rect) -> Result<Vec<Stored>, StoreError> + 'a;
+
 /// Finds the distances of the points of `set` that `chosen` leaves of those in a rectangle. No more than `most` points are in
 /// memory at a time. Lengths are stored units.
 ///
@@ -49,7 +52,7 @@ pub(super) fn nearest_figures(
     set: &PointSet<'_>,
     radius: f64,
     most: u64,
-    chosen: &dyn Fn(Vec<Stored>, &Rect) -> Result<Vec<Stored>, StoreError>,
+    chosen: &Choice<'_>,
 ) -> Result<NearestFigures, StoreError> {
     let farthest = FARTHEST_IN_RADII * radius;
     let reach = farthest.ceil() as i64;

@@ -153,3 +153,68 @@ impl<'a> NestedSets<'a> {
 pub(super) fn order_key(point: Stored) -> u64 {
     spread(point.tie_break_hash() ^ 0x6c6c_6f79_6461_7221)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        las::write::{
+            point_set::EVERYWHERE,
+            store::SortingSpace,
+            stored_in_memory::{MemorySpace, workspace},
+        },
+        tiling::CellGrid,
+    };
+
+    /// A sheet of 100 × 80 points a hundred units apart, moved a little, and every tenth twice, as records of 20 bytes.
+    fn records() -> Vec<[u8; 20]> {
+        let mut records = Vec::new();
+        for i in 0..8000_u64 {
+            let moved = |c: u64, k: u64| 100 * c as i32 + (spread(3 * i + k) % 20) as i32 - 3000;
+            let place = [moved(i % 100, 0), moved(i / 100, 1), moved(i % 7, 2) / 8];
+            for copy in 0..=u8::from(i % 10 == 0) {
+                let mut record = [copy; 20];
+                for (bytes, c) in record.chunks_exact_mut(4).zip(place) {
+                    bytes.copy_from_slice(&c.to_le_bytes());
+                }
+                records.push(record);
+            }
+        }
+        records
+    }
+
+    fn sorted(records: &[[u8; 20]]) -> Box<dyn SortedRecords> {
+        let mut sorter = MemorySpace.begin("", CellGrid::new(800), 20).unwrap();
+        records
+            .iter()
+            .for_each(|record| sorter.push(record).unwrap());
+        sorter.finish().unwrap()
+    }
+
+    #[test]
+    fn sets_are_nested_and_the_same_in_little_memory_and_for_any_order_of_points() {
+        let mut records = records();
+        let of = |records: &[[u8; 20]], bytes: usize| {
+            let (all, workspace) = (sorted(records), workspace(1.0, bytes));
+            let radii = [145.0, 290.0, 580.0];
+            let sets = NestedSets::elect(&*all, radii, 0, &workspace).unwrap();
+            let figures = sets.figures(&workspace).unwrap();
+            let share = sets.figures_of_share(0.2, &workspace).unwrap();
+            (sets.first_sets(&EVERYWHERE).unwrap(), figures, share)
+        };
+        let (sets, figures, share) = of(&records, 1 << 30);
+        records.reverse();
+        let (again, small, small_share) = of(&records, 200 * 1500);
+        assert!(sets == again);
+        assert!(figures.len() == 3 && sets.len() as u64 == figures[2].points);
+        assert!(share.points == small_share.points && share.points.abs_diff(1760) < 150);
+        for (number, (figures, small)) in figures.iter().zip(&small).enumerate() {
+            let radius = [580.0, 290.0, 145.0][number];
+            assert!(figures.least >= radius && figures.least == small.least);
+            assert!(figures.points == small.points && (figures.cv - small.cv).abs() < 1e-9);
+            let down_to = sets.iter().filter(|(_, set)| usize::from(*set) <= number);
+            assert_eq!(down_to.count() as u64, figures.points);
+            assert!(figures.cv < 0.16, "{figures:?}");
+        }
+    }
+}

@@ -17,11 +17,11 @@ const POSITION_BYTES: usize = 12;
 
 /// A set of positions.
 pub(super) enum PointSet<'a> {
-    /// Those of records, each as often as it occurs.
+    /// The positions of records, each as often as it occurs.
     Records(&'a dyn SortedRecords),
-    /// Those in temporary files, in each of which others lie.
+    /// Positions in temporary files, each in one of them.
     Files(Vec<Box<dyn SortedRecords>>),
-    /// Those in memory, in ascending order.
+    /// Positions in memory, in ascending order.
     Memory(Vec<Stored>),
 }
 

@@ -228,3 +228,104 @@ fn in_order(records: &[u8], length: usize) -> Vec<u8> {
     let records = order.into_iter().flat_map(|(.., record)| record);
     records.copied().collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use super::*;
+    use crate::{
+        geometry::{Quantization, spread},
+        las::{format::record_format::RecordFormat, write::stored_in_memory::workspace},
+    };
+
+    /// A body that collects records.
+    struct Collected(Arc<Mutex<Vec<u8>>>);
+
+    impl CloudBody for Collected {
+        fn write(&mut self, records: &[u8]) -> Result<(), LasError> {
+            self.0.lock().unwrap().extend(records);
+            Ok(())
+        }
+
+        fn complete(
+            self: Box<Self>,
+            _points: u64,
+            _seen: Option<&Rect>,
+            _progress: &dyn Fn(u64),
+        ) -> Result<Completion, LasError> {
+            Ok(Completion::File(Vec::new(), None))
+        }
+    }
+
+    /// The records in progressive order, with so many bytes of memory, and the numbers of points of the sets.
+    fn ordered(records: &[u8], header: &CloudHeader, bytes: usize) -> (Vec<u8>, Vec<u64>) {
+        let collected = Arc::new(Mutex::new(Vec::new()));
+        let body = Box::new(Collected(collected.clone()));
+        let workspace = workspace(1.0, bytes);
+        let mut body = ProgressiveBody::new(PathBuf::new(), header, &workspace, body).unwrap();
+        body.write(records).unwrap();
+        let Completion::File(_, Some(levels)) = Box::new(body).complete(0, None, &|_| {}).unwrap()
+        else {
+            panic!("a progressive cloud has levels");
+        };
+        let bytes = collected.lock().unwrap().clone();
+        (bytes, levels.points)
+    }
+
+    #[test]
+    fn first_points_are_the_smaller_sets_in_any_memory_and_all_points_are_there() {
+        let header = CloudHeader {
+            record: RecordFormat {
+                point_format: 6,
+                extra_bytes: Vec::new(),
+            },
+            quantization: Quantization {
+                scale: 0.01,
+                offset: [0.0; 3],
+            },
+            crs: None,
+            carried_records: Vec::new(),
+            has_standard_time: false,
+            provenance: String::new(),
+        };
+        let length = header.record.record_length();
+        let mut records = Vec::new();
+        for i in 0..6000_u64 {
+            let c = |k: u64| (spread(3 * i + k) % 8000) as i32 - 2000;
+            let mut record = vec![0; length];
+            for (bytes, c) in record.chunks_exact_mut(4).zip([c(0), c(1), c(2) / 100]) {
+                bytes.copy_from_slice(&c.to_le_bytes());
+            }
+            records.extend(record);
+        }
+        let (wide, points) = ordered(&records, &header, 1 << 30);
+        let (narrow, _) = ordered(&records, &header, 200 * 900);
+        assert!(wide == narrow);
+        let bytes_of = |records: &[u8]| {
+            let mut sorted: Vec<Vec<u8>> =
+                records.chunks_exact(length).map(<[u8]>::to_vec).collect();
+            sorted.sort_unstable();
+            sorted
+        };
+        assert!(bytes_of(&wide) == bytes_of(&records));
+        // No two of the first points are nearer than the radius of their set.
+        let position: Vec<Stored> = wide.chunks_exact(length).map(Stored::of_record).collect();
+        assert!(points.len() > 4, "{points:?}");
+        for (number, &first) in points.iter().rev().skip(1).enumerate() {
+            let radius = 135.0 * 3_f64.sqrt().powi(number as i32);
+            let first = &position[..first as usize];
+            for (i, a) in first.iter().enumerate() {
+                let squared = |b: &Stored| {
+                    let [x, y, z] = [a.x - b.x, a.y - b.y, a.z - b.z].map(f64::from);
+                    x * x + y * y + z * z
+                };
+                assert!(
+                    first[..i]
+                        .iter()
+                        .all(|b| squared(b) >= radius * radius * 0.999_999)
+                );
+            }
+        }
+    }
+}

@@ -14,8 +14,8 @@ pub(crate) type StoreError = Box<dyn std::error::Error + Send + Sync>;
 
 /// A directory of temporary files in which records can be sorted.
 pub(crate) trait SortingSpace: Debug {
-    /// Begins to sort records of `record_length` bytes into the cells of `grid`, in files with this `name`: "octree", or
-    /// that with numbers behind it.
+    /// Begins to sort records of `record_length` bytes into the cells of `grid`, in files with this `name`, which is
+    /// one that jobs give to their files.
     ///
     /// # Errors
     ///
