@@ -49,6 +49,9 @@
 //! too. The **report** says how uniform, how faithful and how seamless the result is
 //! (`quality`).
 //!
+//! The spacing may vary over the cloud: rules give each point of the scan a wanted spacing, and a field is made of
+//! them that all steps follow (`lloyd::field`).
+//!
 //! `job` runs the stages within threads and memory, and continues where an earlier run stopped; `config` has
 //! the options as written and as meant; `simulate` makes a street with known surfaces to try everything on;
 //! `views` and `picture` draw the result. `ARCHITECTURE.md` has the layers, a glossary and the invariants.
@@ -123,7 +126,7 @@ pub mod internals {
         },
         las::{LasError, PlyFile, PlyStream, PointCounts},
         lloyd::{
-            AREA_PER_SEED, Acceleration, Restriction, Scan, SeedRule, Site, Solution,
+            AREA_PER_SEED, Acceleration, Grading, Restriction, Scan, SeedRule, Site, Solution,
             SolverOptions, TileRegion, describe_positions, elect, solve, uniformity,
         },
         quality::{

@@ -5,6 +5,7 @@
 
 mod cluster;
 mod count;
+mod density;
 mod docs;
 mod edges;
 mod formats;

@@ -51,6 +51,18 @@ struct DensityOptions {
     /// Points of the output for each point of the input: 2% or 0.02
     #[arg(long, value_name = "SHARE")]
     ratio: Option<Share>,
+    /// File with rules for the spacing, by class, attribute, area, line, height above ground or curvature;
+    /// --spacing holds where no rule applies
+    #[arg(long, value_name = "FILE")]
+    density: Option<PathBuf>,
+    /// Spacing of classes: class=2:0.5,6:0.1; of other points: intensity=0..100:5cm,
+    /// height=0.3..4:0.1, polygon=site.geojson:0.1; the smallest holds
+    #[arg(long, value_name = "RULES", value_delimiter = ',')]
+    spacing_of: Option<Vec<String>>,
+    /// How many times as long a cell may be as its neighbour where the spacing follows rules:
+    /// 1.05 to 2 [default: 1.15]
+    #[arg(long, value_name = "FACTOR")]
+    gradation: Option<f64>,
     /// Meet --count or --ratio exactly [default: within 0.3 %]
     #[arg(long)]
     #[serde(skip_serializing_if = "std::ops::Not::not")]
@@ -353,6 +365,10 @@ mod tests {
             "--patch=plane",
             "--ratio=2%",
             "--polygon=a b.wkt",
+            "--density=rules.toml",
+            "--spacing-of=class=2:0.5,6:0.1",
+            "--spacing-of=height=-0.3..4:5cm",
+            "--gradation=1.3",
         ];
         let choices = from_flags(&flags.map(str::to_owned));
         assert_eq!(from_flags(&flags_of(&choices)), choices);
@@ -380,7 +396,7 @@ mod tests {
             .get_arguments()
             .filter_map(|o| o.get_long())
             .collect();
-        assert_eq!(names.len(), 40);
+        assert_eq!(names.len(), 44);
         for name in names {
             let known = toml::from_str::<Choices>(&format!("{name} = {{}}"));
             let error = known.unwrap_err().to_string();

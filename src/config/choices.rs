@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::{
     length::Length,
@@ -29,6 +29,20 @@ pub(crate) enum OnBadFile {
     Skip,
 }
 
+/// Reads one text, or a list of them.
+fn texts<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Vec<String>>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Texts {
+        One(String),
+        Several(Vec<String>),
+    }
+    Ok(Some(match Texts::deserialize(from)? {
+        Texts::One(text) => vec![text],
+        Texts::Several(texts) => texts,
+    }))
+}
+
 /// Options of a job as written: a configuration file, one field to an option, under the names
 /// of the flags without their dashes. `None` stands for an option that is not given.
 ///
@@ -46,6 +60,13 @@ pub(crate) struct Choices {
     /// Whether the count is met exactly.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(crate) exact: bool,
+    /// The file with rules for the spacing.
+    pub(crate) density: Option<PathBuf>,
+    /// Short rules for the spacing, separated by commas in one text or several.
+    #[serde(deserialize_with = "texts")]
+    pub(crate) spacing_of: Option<Vec<String>>,
+    /// How many times as long a cell may be as its neighbour.
+    pub(crate) gradation: Option<f64>,
     /// The peak memory.
     pub(crate) memory: Option<Bytes>,
     /// The number of worker threads.

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use super::{
     choices::Choices,
+    crs_unit::CrsUnit,
+    density::DensitySettings,
     error::ConfigError,
     length::Length,
     places::Places,
@@ -16,62 +18,12 @@ use super::{
 use crate::{
     las::{Crs, PcdOptions, PcdOrigin, PointFilter, PointOrder, PolygonFilter, TileFormat},
     lloyd::{Restriction, SolverSettings},
-    spacing::Target,
 };
 
 /// The greatest number of worker threads.
 const MOST_THREADS: usize = 1024;
 /// The greatest number of Lloyd iterations.
 const MOST_ITERATIONS: u32 = 1000;
-
-/// The unit of the CRS, to which lengths are converted.
-#[derive(Clone, Copy, Debug)]
-struct CrsUnit {
-    /// Its length in metres; `None` if it is not known.
-    metres: Option<f64>,
-}
-
-impl CrsUnit {
-    /// Returns `length`, the value of `option`, in CRS units.
-    ///
-    /// # Errors
-    ///
-    /// [`ConfigError::Value`] if the length has a unit, and that of the CRS is not known.
-    fn convert(self, option: &'static str, length: Length) -> Result<f64, ConfigError> {
-        let Some(unit) = length.unit else {
-            return Ok(length.value);
-        };
-        let metres = self.metres.ok_or_else(|| ConfigError::Value {
-            option,
-            value: length.to_string(),
-            remedy: "the inputs state no CRS, and so no unit; give --crs, or a plain number",
-        })?;
-        Ok(length.value * unit.metres() / metres)
-    }
-
-    /// Returns `length`, the value of `option`, in CRS units, if it is given.
-    ///
-    /// # Errors
-    ///
-    /// [`ConfigError::Value`] unless it is finite and above zero, or as for
-    /// [`convert`](Self::convert).
-    fn positive(
-        self,
-        option: &'static str,
-        length: Option<Length>,
-    ) -> Result<Option<f64>, ConfigError> {
-        let length = length.map(|length| self.convert(option, length));
-        match length.transpose()? {
-            // Written so that NaN fails.
-            Some(value) if !(value > 0.0 && value.is_finite()) => Err(ConfigError::Value {
-                option,
-                value: value.to_string(),
-                remedy: "must be a length above zero, in CRS units",
-            }),
-            valid => Ok(valid),
-        }
-    }
-}
 
 impl Choices {
     /// Returns whether a length has a unit of its own: then the unit of the CRS must be known.
@@ -85,12 +37,12 @@ impl Choices {
             self.halo,
             self.output_tiles,
         ];
-        lengths.iter().flatten().any(|length| length.unit.is_some())
-    }
-
-    /// Returns whether a density of the output is asked for.
-    pub(crate) fn has_density(&self) -> bool {
-        self.spacing.is_some() || self.count.is_some() || self.ratio.is_some()
+        let has_unit = |length: &Length| length.unit.is_some();
+        // Rules that cannot be read are reported with the settings.
+        lengths.iter().flatten().any(has_unit)
+            || self
+                .rules()
+                .is_ok_and(|rules| rules.lengths().iter().any(has_unit))
     }
 
     /// Returns what these choices mean, for a CRS whose unit has this length in metres, if
@@ -103,11 +55,20 @@ impl Choices {
     /// [`ConfigError::Named`] for a file that cannot be used.
     pub(crate) fn settings(&self, metres: Option<f64>) -> Result<Settings, ConfigError> {
         let unit = CrsUnit { metres };
+        let density = self.density(unit)?;
+        if density.is_some() {
+            self.check_with_rules()?;
+        }
+        let solver = SolverSettings {
+            grading: density.as_ref().and_then(DensitySettings::grading),
+            ..self.solver(unit)?
+        };
         Ok(Settings {
-            target: self.target(unit)?,
+            target: self.target(unit, density.as_ref())?,
+            density,
             exact: self.exact()?,
             resources: self.resources()?,
-            solver: self.solver(unit)?,
+            solver,
             tiling: TilingSettings {
                 tile_size: unit.positive("--tile-size", self.tile_size)?,
                 halo: unit.positive("--halo", self.halo)?,
@@ -127,41 +88,6 @@ impl Choices {
                 origin: self.pcd_origin()?,
             },
         })
-    }
-
-    fn target(&self, unit: CrsUnit) -> Result<Target, ConfigError> {
-        let targets = [
-            unit.positive("--spacing", self.spacing)?
-                .map(Target::Spacing),
-            self.count.map(|count| Target::Count(count.0)),
-            self.ratio.map(|ratio| Target::Ratio(ratio.0)),
-        ];
-        let given: Vec<Target> = targets.into_iter().flatten().collect();
-        match given.as_slice() {
-            [Target::Count(0)] => Err(ConfigError::Value {
-                option: "--count",
-                value: "0".into(),
-                remedy: "must be at least 1",
-            }),
-            &[target] => Ok(target),
-            _ => Err(ConfigError::Target { given: given.len() }),
-        }
-    }
-
-    /// Returns whether the count is met exactly.
-    fn exact(&self) -> Result<bool, ConfigError> {
-        let words = |words: &str| Err(ConfigError::Words(words.into()));
-        if self.exact && self.spacing.is_some() {
-            return words(
-                "--exact meets a number of points; give --count or --ratio in place of --spacing",
-            );
-        }
-        if self.exact && !self.accelerate.unwrap_or_default().has_rounds() {
-            return words(
-                "--exact needs --accelerate none or relaxation: Anderson mixing cannot go on after points have left",
-            );
-        }
-        Ok(self.exact)
     }
 
     fn resources(&self) -> Result<ResourceSettings, ConfigError> {
@@ -208,6 +134,7 @@ impl Choices {
             seed: self.seed.unwrap_or(defaults.seed),
             edges: self.edges.unwrap_or(defaults.edges),
             isolated: self.isolated.unwrap_or(defaults.isolated),
+            ..defaults
         })
     }
 
@@ -348,6 +275,7 @@ impl Choices {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::spacing::Target;
 
     fn choices(spacing: f64) -> Choices {
         Choices {
@@ -362,17 +290,6 @@ mod tests {
             let error = choices(bad).settings(None).unwrap_err();
             assert!(error.to_string().starts_with("--spacing"), "{error}");
         }
-    }
-
-    #[test]
-    fn exactly_one_target_is_wanted() {
-        assert!(Choices::default().settings(None).is_err());
-        let two = Choices {
-            ratio: "0.5".parse().ok(),
-            ..choices(1.0)
-        };
-        assert!(two.settings(None).is_err());
-        assert!(choices(1.0).settings(None).is_ok());
     }
 
     #[test]

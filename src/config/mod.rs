@@ -9,6 +9,9 @@
 
 #[cfg(feature = "cli")]
 mod choices;
+#[cfg(feature = "cli")]
+mod crs_unit;
+mod density;
 mod error;
 #[cfg(feature = "cli")]
 mod length;
@@ -22,9 +25,14 @@ mod quantity;
 mod rectangle;
 mod rules;
 mod settings;
+#[cfg(feature = "cli")]
+mod target;
 
 #[cfg(feature = "cli")]
 pub(crate) use choices::{Choices, OnBadFile};
+pub(crate) use density::{Condition, DensityRule, DensitySettings, RuleSpacing};
+#[cfg(test)]
+pub(crate) use density::{SEEN_BY_CURVATURE_IN_SPACINGS, SEEN_BY_HEIGHT_IN_SPACINGS};
 pub(crate) use error::ConfigError;
 #[cfg(feature = "cli")]
 pub(crate) use length::Length;

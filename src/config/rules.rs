@@ -40,4 +40,6 @@ pub(crate) enum Computed {
     Density,
     /// The distance to the nearest input point (CRS units).
     Distance,
+    /// The spacing that is wanted at the point (CRS units).
+    Spacing,
 }

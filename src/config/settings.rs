@@ -4,7 +4,10 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::rules::{ClassRule, ColorRule, Computed};
+use super::{
+    density::DensitySettings,
+    rules::{ClassRule, ColorRule, Computed},
+};
 use crate::{
     las::{Crs, PcdOptions, PointFilter, PointOrder, ReprojectionTarget, TileFormat},
     lloyd::{SolverSettings, WantedCount},
@@ -20,6 +23,9 @@ use crate::{
 pub(crate) struct Settings {
     /// How dense the output is to be.
     pub(crate) target: Target,
+    /// The rules that the spacing follows; `None` stands for one spacing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) density: Option<DensitySettings>,
     /// Whether a count is met exactly.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub(crate) exact: bool,
@@ -136,6 +142,7 @@ mod tests {
     fn settings() -> Settings {
         Settings {
             target: Target::Spacing(0.25),
+            density: None,
             exact: false,
             resources: ResourceSettings {
                 memory: None,

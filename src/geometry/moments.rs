@@ -50,6 +50,34 @@ impl Cell {
         })
     }
 
+    /// The way from the centroid of the cell of `site` on `patch` to its centroid by a density, which `density` gives at a
+    /// position and which is taken to be linear between the corners of the cell and its foot; `None` if nothing is left of
+    /// the cell.
+    pub(crate) fn shift_by_density(
+        &self,
+        patch: &Patch,
+        site: Local,
+        density: impl Fn(Local) -> f64,
+    ) -> Option<Local> {
+        let foot = lift(&patch.heights_from(site), 0.0, 0.0);
+        let at = |place: Local| density(patch.seen_from(site, place));
+        let at_foot = at(foot);
+        let (mut area, mut mass) = (0.0, 0.0);
+        let (mut middle, mut weighted) = (Local::zeros(), Local::zeros());
+        for (a, b) in self.sides() {
+            let triangle = 0.5 * (a - foot).cross(&(b - foot)).norm();
+            let (at_a, at_b) = (at(a), at(b));
+            let (sum, places) = (at_a + at_b + at_foot, a + b + foot);
+            area += triangle;
+            middle += places * (triangle / 3.0);
+            mass += sum * (triangle / 3.0);
+            weighted += (places * sum + a * at_a + b * at_b + foot * at_foot) * (triangle / 12.0);
+        }
+        let shift = weighted / mass - middle / area;
+        let is_finite = shift.iter().all(|c| c.is_finite());
+        is_finite.then(|| patch.seen_from(site, shift) - patch.seen_from(site, Local::zeros()))
+    }
+
     /// A point of the cell on the patch, uniform over the cell if `dice` is uniform in [0, 1)²;
     /// `None` if nothing is left of the cell.
     pub(crate) fn random_point(&self, patch: &Patch, site: Local, dice: [f64; 2]) -> Option<Local> {

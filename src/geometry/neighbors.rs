@@ -13,14 +13,13 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
-use super::{Local, Neighbor, OccupiedCells, cell_of};
+use super::{LayeredCells, Local, Neighbor};
 
-/// Points by the cell of a cubic grid.
+/// Points by the cell of a cubic grid, or of several grids one upon the other.
 #[derive(Debug, Clone)]
 pub struct NeighborGrid {
-    edge: f64,
-    cells: OccupiedCells,
-    /// Points, sorted by cell.
+    cells: LayeredCells,
+    /// Points, sorted by layer and cell.
     points: Vec<Local>,
     /// For each entry of `points` its index in the input.
     order: Vec<u32>,
@@ -33,10 +32,21 @@ impl NeighborGrid {
     ///
     /// Unless `edge` is positive; and as [`OccupiedCells::sort`].
     pub fn new(points: &[Local], edge: f64) -> Self {
-        assert!(edge > 0.0, "an edge of {edge}");
-        let (cells, order) = OccupiedCells::sort(points, |&p| cell_of(p, edge));
+        Self::of_cells(points, LayeredCells::one_layer(points, edge))
+    }
+
+    /// Sorts `points` into the layers that `layers` gives, one to a point; the cells of layer *k* have the edge
+    /// `edges[k]` (CRS units).
+    ///
+    /// # Panics
+    ///
+    /// As [`LayeredCells::sort`].
+    pub(crate) fn layered(points: &[Local], layers: &[u8], edges: &[f64]) -> Self {
+        Self::of_cells(points, LayeredCells::sort(points, layers, edges))
+    }
+
+    fn of_cells(points: &[Local], (cells, order): (LayeredCells, Vec<u32>)) -> Self {
         Self {
-            edge,
             cells,
             points: order.par_iter().map(|&i| points[i as usize]).collect(),
             order,
@@ -89,28 +99,24 @@ impl NeighborGrid {
 
     /// Calls `visit` with the index in the input and the coordinates of every point of the cells
     /// that the box from `low` to `high` touches.
+    #[inline]
     pub(crate) fn visit_box(&self, low: Local, high: Local, mut visit: impl FnMut(u32, Local)) {
-        let visit_all = |cell: usize| {
-            for index in self.cells.points_of(cell) {
-                visit(self.order[index], self.points[index]);
+        let _ = self.cells.visit_box(low, high, |points| {
+            let order = self.order[points.clone()].iter();
+            for (&index, &point) in order.zip(&self.points[points]) {
+                visit(index, point);
             }
             ControlFlow::<()>::Continue(())
-        };
-        let _ = self
-            .cells
-            .visit_box(cell_of(low, self.edge), cell_of(high, self.edge), visit_all);
+        });
     }
 
     /// Whether any point lies within `radius` of `center`.
     pub(crate) fn any_within(&self, center: Local, radius: f64) -> bool {
         let radius_squared = radius * radius;
         let reach = Local::repeat(radius);
-        let (low, high) = (
-            cell_of(center - reach, self.edge),
-            cell_of(center + reach, self.edge),
-        );
-        let search = self.cells.visit_box(low, high, |cell| {
-            let mut points = self.points[self.cells.points_of(cell)].iter();
+        let (low, high) = (center - reach, center + reach);
+        let search = self.cells.visit_box(low, high, |points| {
+            let mut points = self.points[points].iter();
             if points.any(|p| (p - center).norm_squared() <= radius_squared) {
                 ControlFlow::Break(())
             } else {
@@ -141,7 +147,7 @@ impl NeighborGrid {
         };
         // Rings of growing reach: near points end the search early.
         let limit = radius * radius;
-        let mut reach = self.edge.min(radius);
+        let mut reach = self.cells.finest_edge().min(radius);
         loop {
             match search(reach, limit) {
                 Some((index, squared)) if squared <= reach * reach => {

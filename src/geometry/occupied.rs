@@ -162,6 +162,11 @@ impl OccupiedCells {
         }
     }
 
+    /// Moves the ranges of points behind as many as `points` others.
+    pub(super) fn shift(&mut self, points: u32) {
+        self.starts.iter_mut().for_each(|start| *start += points);
+    }
+
     /// Number of occupied cells.
     pub(crate) fn len(&self) -> usize {
         self.starts.len() - 1

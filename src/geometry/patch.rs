@@ -154,6 +154,22 @@ impl Patch {
         }
     }
 
+    /// The larger of the two principal curvatures over the origin, without its sign (1 / CRS unit).
+    pub(crate) fn largest_curvature(&self) -> f64 {
+        let Heights { p, q, a, b, c, .. } = self.heights;
+        let steep = 1.0 + p * p + q * q;
+        let gaussian = (a * c - b * b) / (steep * steep);
+        let mean = self.upwards().1.abs();
+        mean + (mean * mean - gaussian).max(0.0).sqrt()
+    }
+
+    /// The unit normal over `(u, v)` in the patch's frame.
+    #[inline]
+    pub(crate) fn normal_at(&self, u: f64, v: f64) -> Local {
+        let [p, q] = self.heights.slopes(u, v);
+        (self.axes[2] - self.axes[0] * p - self.axes[1] * q).normalize()
+    }
+
     /// Gaussian curvature over the origin (CRS units to the −2).
     #[cfg(test)]
     pub(crate) fn gaussian_curvature(&self) -> f64 {
@@ -231,9 +247,11 @@ mod tests {
     #[test]
     fn a_cylinder_has_no_gaussian_curvature_and_a_saddle_a_negative_one() {
         let (_, cylinder) = fitted(|x, _| 3.0 - (9.0 - x * x).sqrt(), 0.5);
+        assert!((cylinder.largest_curvature() - 1.0 / 3.0).abs() < 5e-3);
         assert!(cylinder.gaussian_curvature().abs() < 1e-3);
         let (_, saddle) = fitted(|x, y| 0.2 * (x * x - y * y), 0.5);
         assert!((saddle.gaussian_curvature() + 0.16).abs() < 2e-3);
+        assert!((saddle.largest_curvature() - 0.4).abs() < 5e-3);
     }
 
     #[test]

@@ -112,6 +112,7 @@ fn level_job(
         scratch: job.scratch.clone(),
         settings: Settings {
             target: Target::Spacing(spacing),
+            density: None,
             exact: false,
             resources: ResourceSettings {
                 memory: Some(memory),

@@ -191,6 +191,7 @@ impl Job {
             scratch: None,
             settings: Settings {
                 target: options.target,
+                density: None,
                 exact: options.exact,
                 resources: ResourceSettings {
                     memory: self.memory,

@@ -20,6 +20,7 @@ mod write;
 pub(crate) use ::las::Vlr;
 pub use error::LasError;
 pub(crate) use format::{
+    attribute::Attribute,
     crs::Crs,
     display::DisplayAttributes,
     fields::{AveragedField, RealAttribute, standard_length},
@@ -30,6 +31,7 @@ pub(crate) use read::{
     arguments::expand_inputs,
     guard::is_decoding,
     input::InputFile,
+    line_filter::LineFilter,
     list::read_list,
     point_filter::PointFilter,
     polygon_filter::PolygonFilter,

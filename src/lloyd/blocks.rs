@@ -2,13 +2,15 @@
 
 use std::ops::Range;
 
-use super::step::BLOCK_EDGE_IN_SPACINGS;
-use crate::geometry::{Local, OccupiedCells, cell_of};
+use super::{field::SpacingField, step::BLOCK_EDGE_IN_SPACINGS};
+use crate::geometry::Local;
 
 /// The blocks of `positions`, as ranges of the order that comes with them: that of the blocks, and
 /// within a block that of the positions.
-pub(super) fn in_blocks(positions: &[Local], spacing: f64) -> (Vec<Range<usize>>, Vec<u32>) {
-    let edge = BLOCK_EDGE_IN_SPACINGS * spacing;
-    let (blocks, order) = OccupiedCells::sort(positions, |&p| cell_of(p, edge));
+pub(super) fn in_blocks(
+    positions: &[Local],
+    field: &SpacingField,
+) -> (Vec<Range<usize>>, Vec<u32>) {
+    let (blocks, order) = field.cells(positions, BLOCK_EDGE_IN_SPACINGS);
     (blocks.ranges().collect(), order)
 }

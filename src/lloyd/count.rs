@@ -10,7 +10,7 @@ use std::{cmp::Ordering, fmt};
 
 use serde::{Deserialize, Serialize};
 
-use super::{options::SolverOptions, site::Site, surface::Surface};
+use super::{field::SpacingField, options::SolverOptions, site::Site, surface::Surface};
 use crate::geometry::{Local, NeighborGrid, Rect, Stored, by_position};
 
 /// The number of sites that a cloud is to have.
@@ -77,7 +77,8 @@ pub(super) type SiteWithCorner = (Site, Option<Local>);
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Candidate {
     /// The area of the cell of a site that leaves (CRS units squared), infinite for one without a bounded cell; or less the
-    /// distance from a place to the nearest site (CRS units), its inverse if the place is not a corner of a cell.
+    /// distance from a place to the nearest site (CRS units), its inverse if the place is not a corner of a cell. Where the
+    /// spacing varies, areas and distances are those of cells that are scaled to the coarsest spacing.
     rank: f64,
     /// Decides between equal ranks.
     priority: u64,
@@ -112,16 +113,21 @@ impl Candidates {
     pub(super) fn of(sites: &[SiteWithCorner], core: &Rect, surface: Surface<'_>) -> Self {
         let Surface { scan, options } = surface;
         let positions: Vec<Local> = sites.iter().map(|(site, _)| site.position).collect();
-        let grid = NeighborGrid::new(&positions, options.spacing);
+        let (field, spacing) = (scan.field(), options.spacing);
+        let grid = field.grid(&positions, 1.0);
         let leaving = |(site, _): &SiteWithCorner| Candidate {
-            rank: site.bounded_area().unwrap_or(f64::INFINITY),
+            rank: site.bounded_area().map_or(f64::INFINITY, |area| {
+                (spacing / site.spacing).powi(2) * area
+            }),
             priority: site.identity.priority(options.seed),
             identity: site.identity,
             position: site.position,
         };
+        // As if the spacing were the coarsest everywhere: candidates of all places are compared.
         let room = |position: Local| {
-            let nearest = grid.nearest(position, options.spacing, |_| false);
-            nearest.map_or(0.0, |(_, squared)| squared.sqrt())
+            let here = field.at(position);
+            let nearest = grid.nearest(position, here, |_| false);
+            nearest.map_or(0.0, |(_, squared)| spacing / here * squared.sqrt())
         };
         let coming = |(site, corner): &SiteWithCorner| {
             let priority = site.identity.priority(options.seed);
@@ -152,8 +158,8 @@ impl Candidates {
                 .iter()
                 .filter(|(site, _)| core.contains(site.identity))
                 .count() as u64,
-            leaving: first_around(&leaving, core, LEAVING_APART_IN_SPACINGS * options.spacing),
-            coming: first_around(&coming, core, COMING_APART_IN_SPACINGS * options.spacing),
+            leaving: first_around(&leaving, core, LEAVING_APART_IN_SPACINGS, field),
+            coming: first_around(&coming, core, COMING_APART_IN_SPACINGS, field),
         }
     }
 }
@@ -166,7 +172,7 @@ fn roomiest_sample(
 ) -> Option<(Local, f64)> {
     let mut samples = Vec::new();
     let grid = surface.scan.samples();
-    grid.gather(site.position, surface.spacing(), &mut samples);
+    grid.gather(site.position, site.spacing, &mut samples);
     let samples = samples.into_iter().map(|sample| (sample, room(sample)));
     // The position decides between equals: the order of samples depends on the tile.
     samples.max_by(|(a, room_a), (b, room_b)| {
@@ -175,12 +181,18 @@ fn roomiest_sample(
     })
 }
 
-/// The candidates at home in `core` that come before all others within `radius` (CRS units).
-fn first_around(candidates: &[Candidate], core: &Rect, radius: f64) -> Vec<Candidate> {
+/// The candidates at home in `core` that come before all others within `apart` spacings.
+fn first_around(
+    candidates: &[Candidate],
+    core: &Rect,
+    apart: f64,
+    field: &SpacingField,
+) -> Vec<Candidate> {
     let positions: Vec<Local> = candidates.iter().map(|c| c.position).collect();
-    let grid = NeighborGrid::new(&positions, radius);
+    let grid = field.grid(&positions, apart);
     let is_first = |candidate: &&Candidate| {
         let mut is_first = true;
+        let radius = apart * field.at(candidate.position);
         grid.visit_around(candidate.position, radius, |other, position| {
             let is_near = (position - candidate.position).norm() <= radius;
             is_first &= !(is_near && candidates[other as usize].is_before(candidate));

@@ -38,7 +38,7 @@ const DESCRIBED_SHARE: f64 = 0.48;
 
 /// The sites of one tile on their way through the iterations of a round.
 pub(super) struct Course<'a> {
-    options: &'a SolverOptions,
+    pub(super) options: &'a SolverOptions,
     region: &'a TileRegion,
     round: Round,
     cone: DependencyCone<'a>,
@@ -51,7 +51,7 @@ pub(super) struct Course<'a> {
     /// The identities of the core's seeds that are isolated, in order; left out of the sites if the options say so.
     pub(super) isolated: Vec<Stored>,
     /// The distances from the core's sites to their nearest neighbours, at the start of every
-    /// iteration of the round.
+    /// iteration of the round; where the spacing varies, as if it were the coarsest everywhere.
     pub(super) convergence: Vec<DistanceSums>,
 }
 
@@ -158,12 +158,13 @@ impl<'a> Course<'a> {
             let share = share_before(iteration, self.options);
             consult(monitor, self.options, &self.round, share)?;
             self.convergence.push(match iteration {
-                0 => nearest_distances(self.region, &self.seeds),
+                0 => nearest_distances(self.region, &self.seeds, self.options.spacing),
                 _ => self.sites.lloyd_step(&self.cone, iteration),
             });
             let next = self.accelerator.next(&Iterate {
                 sites: self.sites.neighborhoods.positions(),
                 steps: &self.sites.steps,
+                spacings: self.sites.neighborhoods.spacings(),
                 spacing: self.options.spacing,
             });
             self.sites.move_to(next);
@@ -209,7 +210,7 @@ impl<'a> Course<'a> {
         let place = |state: &SiteState| (state.identity, state.position);
         let mut known: Vec<(Stored, Local)> = states.iter().map(place).collect();
         known.extend(correction.coming());
-        let mut resumed = ResumedSites::new(known, self.options.spacing, &correction);
+        let mut resumed = ResumedSites::new(known, surface.field(), &correction);
         resumed.add(states);
         let (sites, memories) = Sites::resume(surface, self.region, resumed);
         Ok(Self {
@@ -253,8 +254,9 @@ fn consult(
     }
 }
 
-/// The distances from the core's `sites` to their nearest neighbours.
-pub(super) fn nearest_distances(region: &TileRegion, sites: &[Site]) -> DistanceSums {
+/// The distances from the core's `sites` to their nearest neighbours, as if all spacings were `spacing` (CRS units).
+pub(super) fn nearest_distances(region: &TileRegion, sites: &[Site], spacing: f64) -> DistanceSums {
     let counts = |site: &&Site| site.nearest.is_finite() && region.core.contains(site.identity);
-    DistanceSums::of(sites.iter().filter(counts).map(|site| site.nearest))
+    let distances = sites.iter().filter(counts);
+    DistanceSums::of(distances.map(|site| spacing / site.spacing * site.nearest))
 }

@@ -67,7 +67,7 @@ pub(super) fn are_isolated(
     positions: &[Local],
     matters: impl Fn(usize) -> bool + Sync,
 ) -> Vec<bool> {
-    let link = surface.options.link();
+    let link_at = |seed: usize| surface.options_at(positions[seed]).link();
     let of_all = |is: &(dyn Fn(usize) -> bool + Sync)| -> Vec<bool> {
         let numbers = (0..positions.len()).into_par_iter();
         numbers.with_max_len(ITEMS_PER_TASK).map(is).collect()
@@ -75,18 +75,23 @@ pub(super) fn are_isolated(
 
     // Thin seeds among thin ones, however many. What is quick to find out comes first: hardly a seed of a surface is left
     // when surroundings are looked at.
-    let seeds = NeighborGrid::new(positions, link);
-    let linked = |seed: usize| linked_to(&seeds, positions[seed], link);
+    let seeds = seeds_by_cell(positions, surface);
+    let linked = |seed: usize| linked_to(&seeds, positions[seed], link_at(seed));
     let own: Vec<f64> = (positions.par_iter().with_max_len(ITEMS_PER_TASK))
-        .map(|&seed| own_points(surface, &[seed]))
+        .map(|&seed| own_points(surface.with(&surface.options_at(seed)), &[seed]))
         .collect();
     let average = f64::max(FEW_POINTS, average_points(surface));
     let is_thin = |(seed, place): (usize, Local)| {
-        own[seed] <= FEW_POINTS || own[seed] <= usual_points(surface, &[place])
+        let options = surface.options_at(place);
+        own[seed] <= FEW_POINTS || own[seed] <= usual_points(surface.with(&options), &[place])
     };
     let adrift = of_all(&|seed| {
         linked(seed).all(|(other, _)| own[other] <= average)
-            && !lies_on_a_plane(&seeds, positions[seed], surface.options)
+            && !lies_on_a_plane(
+                &seeds,
+                positions[seed],
+                &surface.options_at(positions[seed]),
+            )
             && linked(seed).all(is_thin)
     });
 
@@ -95,14 +100,24 @@ pub(super) fn are_isolated(
     let others: Vec<Local> = others
         .filter_map(|(&p, &is_adrift)| (!is_adrift).then_some(p))
         .collect();
-    let seeds = NeighborGrid::new(&others, link);
+    let seeds = seeds_by_cell(&others, surface);
     of_all(&|seed| {
         let is_in_a_small_group = || {
-            linked_seeds(&seeds, positions[seed], link)
-                .is_some_and(|group| !are_dense(surface, &group))
+            let options = surface.options_at(positions[seed]);
+            linked_seeds(&seeds, positions[seed], options.link())
+                .is_some_and(|group| !are_dense(surface.with(&options), &group))
         };
         matters(seed) && (adrift[seed] || is_in_a_small_group())
     })
+}
+
+/// The seeds at `positions` by cells in which those that are linked are looked up.
+fn seeds_by_cell(positions: &[Local], surface: Surface<'_>) -> NeighborGrid {
+    let (field, link) = (surface.field(), surface.options.link());
+    match field.is_constant() {
+        true => NeighborGrid::new(positions, link),
+        false => field.grid(positions, link / surface.spacing()),
+    }
 }
 
 /// Whether the seed at `position` lies on a plane through the seeds around it.

@@ -2,14 +2,17 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{acceleration::Acceleration, seeds::SeedRule, step::Restriction};
+use super::{acceleration::Acceleration, field::Grading, seeds::SeedRule, step::Restriction};
 use crate::geometry::PatchKind;
 
 /// The options of one solve. Lengths are CRS units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SolverOptions {
-    /// The edge of the hexagonal lattice that has as many sites to the unit of area.
+    /// The edge of the hexagonal lattice that has as many sites to the unit of area; the coarsest one if it varies.
     pub spacing: f64,
+    /// How the spacing varies; `None` if it is the same everywhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grading: Option<Grading>,
     /// Radius of the neighbourhood that a patch is fitted to: the scale of the details kept.
     pub fit_radius: f64,
     /// Radius of the patches by which noise is smoothed away before anything else; 0 for none.
@@ -57,6 +60,7 @@ impl SolverOptions {
     pub fn new(spacing: f64) -> Self {
         Self {
             spacing,
+            grading: None,
             fit_radius: FIT_RADIUS_IN_SPACINGS * spacing,
             smooth: 0.0,
             fill: FILL_IN_SPACINGS * spacing,
@@ -70,6 +74,37 @@ impl SolverOptions {
             drops_isolated: false,
             seed: 0,
         }
+    }
+
+    /// The options where the spacing is `spacing` (CRS units): lengths that are numbers of spacings are shorter there.
+    pub(super) fn at(&self, spacing: f64) -> Self {
+        let Some(grading) = self.grading else {
+            return *self;
+        };
+        let share = spacing / self.spacing;
+        Self {
+            spacing,
+            fit_radius: grading.widest_fit.min(FIT_RADIUS_IN_SPACINGS * spacing),
+            fill: if grading.scales_fill {
+                self.fill * share
+            } else {
+                self.fill
+            },
+            edge_capture: self.edge_capture.map(|capture| capture * share),
+            ..*self
+        }
+    }
+
+    /// The finest spacing (CRS units).
+    pub(crate) fn finest_spacing(&self) -> f64 {
+        self.grading
+            .map_or(self.spacing, |grading| grading.finest * self.spacing)
+    }
+
+    /// How far the points of a scan matter to the spacing at a position (CRS units).
+    pub(super) fn reach_of_grading(&self) -> f64 {
+        self.grading
+            .map_or(0.0, |grading| grading.reach() * self.spacing)
     }
 
     /// Bound on how far influence travels in one iteration (CRS units): the diameter of a
@@ -99,7 +134,8 @@ impl SolverOptions {
     /// Depth (CRS units) inside the rectangle of available points from which on every tile
     /// elects the same seeds, if isolated ones stay.
     fn election_margin(&self) -> f64 {
-        SEED_MARGIN_IN_SPACINGS * self.spacing + self.fit_radius + 2.0 * (self.fill + self.smooth)
+        let elected = SEED_MARGIN_IN_SPACINGS * self.spacing + self.fit_radius;
+        elected + 2.0 * (self.fill + self.smooth) + self.reach_of_grading()
     }
 
     /// Depth (CRS units) inside the rectangle of available points from which on every tile

@@ -11,6 +11,7 @@ use super::{
     acceleration::Memory,
     blocks::in_blocks,
     count::CountCorrection,
+    field::SpacingField,
     site_state::SiteState,
     step::{Links, Step},
 };
@@ -31,17 +32,17 @@ pub(crate) struct ResumedSites<'a> {
 }
 
 impl<'a> ResumedSites<'a> {
-    /// Sites of these identities and positions, without their states, for an output at `spacing`. Those that leave by
+    /// Sites of these identities and positions, without their states, for an output with the spacings of `field`. Those that leave by
     /// `correction` are dropped; those that come are known already.
     pub(crate) fn new(
         mut known: Vec<(Stored, Local)>,
-        spacing: f64,
+        field: &SpacingField,
         correction: &'a CountCorrection,
     ) -> Self {
         known.retain(|(identity, _)| !correction.leaves(identity));
         known.par_sort_unstable_by_key(|&(identity, _)| identity);
         let positions: Vec<Local> = known.iter().map(|&(_, position)| position).collect();
-        let (blocks, order) = in_blocks(&positions, spacing);
+        let (blocks, order) = in_blocks(&positions, field);
         let positions: Vec<Local> = order.iter().map(|&k| positions[k as usize]).collect();
         let mut by_identity = vec![0; order.len()];
         for (site, &k) in (0..).zip(&order) {

@@ -80,7 +80,8 @@ impl SolverOptions {
             None => self.fit_radius,
             Some(_) => FACET_RADIUS_IN_FIT_RADII * self.fit_radius,
         };
-        STATE_MARGIN_IN_SPACINGS * self.spacing + seen + 2.0 * self.smooth
+        let known = STATE_MARGIN_IN_SPACINGS * self.spacing + seen + 2.0 * self.smooth;
+        known + self.reach_of_grading()
     }
 }
 
@@ -205,8 +206,6 @@ mod tests {
             let coming = correction.coming().iter().copied();
             let coming = coming.filter(|(place, _)| region.available.contains(*place));
             let places = places.chain(coming).collect();
-            let mut resumed = ResumedSites::new(places, options.spacing, &correction);
-            resumed.add(known);
             let in_reach = |p: &Stored| region.available.contains(*p);
             let scan = Scan::filled_with(
                 filling.iter().copied().filter(in_reach).collect(),
@@ -219,6 +218,8 @@ mod tests {
                 QUANTIZATION,
                 options,
             );
+            let mut resumed = ResumedSites::new(places, scan.field(), &correction);
+            resumed.add(known);
             let solution = solve_last_round(&scan, region, options, resumed, &go_on).unwrap();
             let own = solution.sites.into_iter();
             sites.extend(own.filter(|site| region.core.contains(site.identity)));

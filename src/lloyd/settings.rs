@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Acceleration, EdgeRule, IsolatedRule, Restriction, SeedRule, SolverOptions};
+use super::{Acceleration, EdgeRule, Grading, IsolatedRule, Restriction, SeedRule, SolverOptions};
 use crate::geometry::PatchKind;
 
 /// Settings of the solver that are known before the spacing is. Lengths are CRS units.
@@ -25,6 +25,9 @@ pub(crate) struct SolverSettings {
     /// Where sites next to a sharp edge end.
     #[serde(default, skip_serializing_if = "EdgeRule::is_default")]
     pub(crate) edges: EdgeRule,
+    /// How the spacing varies; `None` if it is the same everywhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) grading: Option<Grading>,
     /// Seed of every hash.
     pub(crate) seed: u64,
     /// What becomes of isolated returns.
@@ -43,6 +46,7 @@ impl Default for SolverSettings {
             smooth: None,
             fill: None,
             edges: EdgeRule::default(),
+            grading: None,
             seed: 0,
             isolated: IsolatedRule::default(),
         }
@@ -70,6 +74,11 @@ impl SolverSettings {
             patch: self.patch,
             restriction: self.restriction,
             edge_capture: self.edges.capture(spacing),
+            grading: self.grading.map(|grading| Grading {
+                scales_fill: self.fill.is_none(),
+                widest_fit: self.smooth.unwrap_or(f64::MAX),
+                ..grading
+            }),
             drops_isolated: self.isolated == IsolatedRule::Drop,
             seed: self.seed,
             ..defaults

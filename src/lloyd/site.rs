@@ -30,6 +30,8 @@ pub struct Site {
     /// Mean curvature of the patch (1 / CRS unit), positive where the surface bends towards
     /// the normal; NaN without a patch to trust.
     pub curvature: f64,
+    /// The spacing that is wanted where the site is (CRS units).
+    pub spacing: f64,
     /// Area of the cell (CRS units squared); 0 without a cell.
     pub area: f64,
     /// Energy of the cell (paper, equation 2); 0 without a cell.

@@ -37,15 +37,14 @@ impl<'a> Sites<'a> {
         identities: &[Stored],
         positions: &[Local],
     ) -> Self {
-        let spacing = surface.spacing();
-        let (blocks, order) = in_blocks(positions, spacing);
+        let (blocks, order) = in_blocks(positions, surface.field());
         let positions: Vec<Local> = order.iter().map(|&i| positions[i as usize]).collect();
         Self {
             surface,
             region,
             identities: order.iter().map(|&i| identities[i as usize]).collect(),
             steps: positions.par_iter().map(|&p| Step::new(p)).collect(),
-            neighborhoods: Neighborhoods::new(positions, blocks, spacing),
+            neighborhoods: Neighborhoods::new(positions, blocks, surface.field()),
         }
     }
 
@@ -64,7 +63,7 @@ impl<'a> Sites<'a> {
             memories,
             ..
         } = resumed;
-        let neighborhoods = Neighborhoods::new(positions, blocks, surface.spacing());
+        let neighborhoods = Neighborhoods::new(positions, blocks, surface.field());
         let sites = Self {
             surface,
             region,
@@ -122,18 +121,19 @@ impl<'a> Sites<'a> {
             was_exact: &was_exact,
             seeks_facets: surface.options.seeks_facets(0),
         };
-        let sites = self.of_wanted(|step, identity, wanted, mut vicinity| {
+        let sites = self.of_wanted(|step, identity, wanted, surface, mut vicinity| {
             let moments = step.clip(surface, &mut vicinity);
             if let Some(wanted) = wanted {
                 *wanted = Some(site(identity, step, moments, &mut vicinity));
             }
-            step.step_to_centroid(moments, iteration, &mut vicinity);
+            step.step_to_centroid(moments, iteration.on(surface), &mut vicinity);
         });
         by_identity(sites, |site| site.identity)
     }
 
     /// Computes the Lloyd step of every site that still matters. Gives the distances from the
-    /// core's sites to their nearest neighbours before the step.
+    /// core's sites to their nearest neighbours before the step; where the spacing varies, as if it were the coarsest
+    /// everywhere.
     pub(super) fn lloyd_step(&mut self, cone: &DependencyCone<'_>, iteration: u32) -> DistanceSums {
         let (surface, region, identities) = (self.surface, self.region, &self.identities);
         let matters = |site: usize| cone.matters(identities[site], iteration);
@@ -151,6 +151,7 @@ impl<'a> Sites<'a> {
             seeks_facets: surface.options.seeks_facets(iteration),
         };
         let in_core = |identity: &&Stored| region.core.contains(**identity);
+        let spacing = surface.spacing();
         let mut nearest = vec![None; identities.iter().filter(in_core).count()];
         by_block(
             &mut self.steps,
@@ -158,11 +159,12 @@ impl<'a> Sites<'a> {
             |site| region.core.contains(identities[site]),
             &self.neighborhoods,
             surface,
-            |step, nearest, vicinity| {
+            |step, nearest, surface, vicinity| {
                 if matters(vicinity.site) {
-                    step.advance(iteration, vicinity);
+                    let scale = spacing / vicinity.spacing;
+                    step.advance(iteration.on(surface), vicinity);
                     if let Some(nearest) = nearest {
-                        *nearest = step.nearest;
+                        *nearest = step.nearest.map(|distance| scale * distance);
                     }
                 }
             },
@@ -173,12 +175,13 @@ impl<'a> Sites<'a> {
     /// Moves the sites to the positions `next`, projected and restricted; where that is not
     /// allowed, to the targets of their Lloyd steps.
     pub(super) fn move_to(&mut self, mut next: Vec<Local>) {
-        let surface = self.surface;
+        let (surface, spacings) = (self.surface, self.neighborhoods.spacings());
         next.par_iter_mut()
             .zip(&mut self.steps)
             .zip(self.neighborhoods.positions())
+            .enumerate()
             .with_max_len(ITEMS_PER_TASK)
-            .for_each(|((position, step), before)| {
+            .for_each(|(site, ((position, step), before))| {
                 let target = step.target;
                 if *position == target {
                     return;
@@ -187,19 +190,20 @@ impl<'a> Sites<'a> {
                     Some(fit) => {
                         let foot = fit.foot_point(*position);
                         let is_clear = (foot - before).norm() <= step.free;
-                        let is_allowed = is_clear && fit.allows(foot, surface);
+                        let mut place = None;
+                        let here = surface.at(spacings.of(site), &mut place);
+                        let is_allowed = is_clear && fit.allows(foot, here);
                         if is_allowed { foot } else { target }
                     }
                     None => target,
                 };
             });
-        self.neighborhoods.move_to(next);
+        self.neighborhoods.move_to(next, surface.field());
     }
 
     /// The wanted sites with the figures of their cells, in the order of their identities.
     pub(super) fn describe(&mut self) -> Vec<Site> {
-        let surface = self.surface;
-        let sites = self.of_wanted(|step, identity, wanted, mut vicinity| {
+        let sites = self.of_wanted(|step, identity, wanted, surface, mut vicinity| {
             if let Some(wanted) = wanted {
                 let moments = step.clip(surface, &mut vicinity);
                 *wanted = Some(site(identity, step, moments, &mut vicinity));
@@ -211,8 +215,7 @@ impl<'a> Sites<'a> {
     /// The wanted sites as [`describe`](Self::describe) gives them, each with the farthest corner of its cell, if
     /// neighbours bound it all around.
     pub(super) fn describe_with_corners(&mut self) -> Vec<SiteWithCorner> {
-        let surface = self.surface;
-        let found = self.of_wanted(|step, identity, wanted, mut vicinity| {
+        let found = self.of_wanted(|step, identity, wanted, surface, mut vicinity| {
             if let Some(wanted) = wanted {
                 let moments = step.clip(surface, &mut vicinity);
                 let site = site(identity, step, moments, &mut vicinity);
@@ -228,8 +231,8 @@ impl<'a> Sites<'a> {
     /// The wanted sites as [`describe`](Self::describe) gives them, and the rings of their
     /// neighbours.
     pub(super) fn describe_with_rings(&mut self) -> (Vec<Site>, Rings) {
-        let (surface, count) = (self.surface, self.steps.len());
-        let found = self.of_wanted(|step, identity, wanted, mut vicinity| {
+        let count = self.steps.len();
+        let found = self.of_wanted(|step, identity, wanted, surface, mut vicinity| {
             if let Some(wanted) = wanted {
                 let moments = step.clip(surface, &mut vicinity);
                 let site = site(identity, step, moments, &mut vicinity);
@@ -242,10 +245,11 @@ impl<'a> Sites<'a> {
     }
 
     /// Does `work` on all sites; far neighbours may close their cells. Gives what it finds for the
-    /// wanted ones, in the order of the blocks: for each of them it receives a place to put it in.
+    /// wanted ones, in the order of the blocks: for each of them it receives a place to put it in, and the surface by the
+    /// options where it is.
     fn of_wanted<T: Clone + Send>(
         &mut self,
-        work: impl Fn(&mut Step, Stored, Option<&mut Option<T>>, Vicinity<'_>) + Sync,
+        work: impl Fn(&mut Step, Stored, Option<&mut Option<T>>, Surface<'_>, Vicinity<'_>) + Sync,
     ) -> Vec<T> {
         let (identities, region) = (&self.identities, self.region);
         let is_wanted = |site: usize| region.wants(identities[site]);
@@ -259,9 +263,9 @@ impl<'a> Sites<'a> {
             is_wanted,
             &self.neighborhoods,
             self.surface,
-            |step, found, mut vicinity| {
+            |step, found, surface, mut vicinity| {
                 vicinity.may_close_far = true;
-                work(step, identities[vicinity.site], found, vicinity);
+                work(step, identities[vicinity.site], found, surface, vicinity);
             },
         );
         // In place: all sites together take a good part of the memory.
@@ -301,6 +305,7 @@ fn site(
         curvature: surface.map_or(f64::NAN, |(_, curvature)| curvature),
         is_closed: moments.is_some() && vicinity.has_closed_cell(),
         neighbors: u8::try_from(neighbors).unwrap_or(u8::MAX),
+        spacing: vicinity.spacing,
         area: moments.map_or(0.0, |m| m.area),
         energy: moments.map_or(0.0, |m| m.energy),
         nearest: nearest.unwrap_or(f64::INFINITY),
@@ -326,17 +331,16 @@ fn edges(step: &Step, moments: Option<Moments>, vicinity: &Vicinity<'_>) -> Edge
     }
 }
 
-/// Calls `work` for every site, in parallel by blocks. A site that `has_result` receives its entry of
-/// `results`, which has one for each of those, in their order.
+/// Calls `work` for every site, in parallel by blocks, with the surface by the options where the site is. A site that
+/// `has_result` receives its entry of `results`, which has one for each of those, in their order.
 fn by_block<T: Send>(
     steps: &mut [Step],
     results: &mut [T],
     has_result: impl Fn(usize) -> bool + Sync,
     neighborhoods: &Neighborhoods,
     surface: Surface<'_>,
-    work: impl Fn(&mut Step, Option<&mut T>, Vicinity<'_>) + Sync,
+    work: impl Fn(&mut Step, Option<&mut T>, Surface<'_>, Vicinity<'_>) + Sync,
 ) {
-    let clearance = clearance(surface.options);
     let mut rest = (steps, results);
     let mut blocks = Vec::with_capacity(neighborhoods.blocks().len());
     for block in neighborhoods.blocks() {
@@ -355,11 +359,14 @@ fn by_block<T: Send>(
             for (site, step) in block.clone().zip(steps) {
                 // The neighbours of the last site are not those of this one.
                 scratch.neighbors.clear();
+                let spacing = neighborhoods.spacings().of(site);
+                let mut place = None;
+                let surface = surface.at(spacing, &mut place);
                 let vicinity = Vicinity {
                     site,
                     position: neighborhoods.positions()[site],
-                    spacing: surface.spacing(),
-                    clearance,
+                    spacing,
+                    clearance: clearance(surface.options),
                     neighborhoods,
                     block: block.clone(),
                     links: step.links,
@@ -368,7 +375,7 @@ fn by_block<T: Send>(
                     scratch,
                 };
                 let result = has_result(site).then(|| results.next()).flatten();
-                work(step, result, vicinity);
+                work(step, result, surface, vicinity);
             }
         });
 }

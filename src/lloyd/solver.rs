@@ -188,12 +188,13 @@ fn run<T>(
 /// The solution of a course with the sites as they `ended`.
 fn solution(course: Course<'_>, region: &TileRegion, ended: Vec<Site>) -> Solution {
     let Course {
+        options,
         seeds,
         mut convergence,
         isolated,
         ..
     } = course;
-    convergence.push(nearest_distances(region, &ended));
+    convergence.push(nearest_distances(region, &ended, options.spacing));
     Solution {
         sites: ended,
         seeds,

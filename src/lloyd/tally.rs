@@ -3,7 +3,8 @@
 use super::site::Site;
 use crate::quality::{CellFigures, UniformityTally};
 
-/// The tallies of the `sites` on surfaces and of the others, for an output at `spacing` (CRS units).
+/// The tallies of the `sites` on surfaces and of the others, for an output at `spacing` (CRS units), the coarsest one if it
+/// varies.
 pub(crate) fn uniformity_by_surface<'a>(
     sites: impl IntoIterator<Item = &'a Site>,
     spacing: f64,
@@ -14,19 +15,22 @@ pub(crate) fn uniformity_by_surface<'a>(
 }
 
 /// Tallies the nearest distances of `sites`, and the closed cells of those that are not fixed,
-/// for an output at `spacing` (CRS units).
+/// for an output at `spacing` (CRS units). Where the spacing varies, figures are those of sites that are scaled to the
+/// coarsest spacing, each by its own: distances over the spacing there, areas over its square, energies over its fourth power.
 pub fn uniformity<'a>(sites: impl IntoIterator<Item = &'a Site>, spacing: f64) -> UniformityTally {
     let mut tally = UniformityTally::new(spacing);
     for site in sites {
+        // Equal spacings give 1 to the bit.
+        let scale = spacing / site.spacing;
         if site.nearest.is_finite() {
-            tally.push_distance(site.nearest);
+            tally.push_distance(scale * site.nearest);
         } else {
             tally.push_alone();
         }
         if site.is_closed && !site.is_fixed {
             tally.push_cell(CellFigures {
-                area: site.area,
-                energy: site.energy,
+                area: scale.powi(2) * site.area,
+                energy: scale.powi(4) * site.energy,
                 neighbors: site.neighbors,
             });
         }

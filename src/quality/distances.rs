@@ -53,6 +53,11 @@ impl DistanceTally {
 
     /// Adds one distance (CRS units).
     pub fn push(&mut self, distance: f64) {
+        self.push_at(distance, self.spacing);
+    }
+
+    /// Adds one distance from a place where the spacing is `spacing` (both CRS units).
+    pub(crate) fn push_at(&mut self, distance: f64, spacing: f64) {
         // `as` saturates, and takes what is not a number for zero.
         let spacings = distance / self.spacing;
         let bin = (spacings * BINS_PER_SPACING) as usize;
@@ -62,7 +67,7 @@ impl DistanceTally {
         let steps = (spacings * SUM_STEPS_PER_SPACING) as u128;
         self.sum = self.sum.saturating_add(steps);
         self.max = self.max.max(distance);
-        self.beyond += u64::from(distance > 1.5 * self.spacing);
+        self.beyond += u64::from(distance > 1.5 * spacing);
     }
 
     /// Adds the distances of another part of the cloud.

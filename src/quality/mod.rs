@@ -5,9 +5,11 @@
 
 mod deviation;
 mod distances;
+mod spacings;
 mod uniformity;
 
 pub use deviation::DistanceSums;
 pub(crate) use deviation::delta_squared;
 pub use distances::{DistanceFigures, DistanceTally};
+pub(crate) use spacings::{SpacingClass, SpacingTally};
 pub use uniformity::{CellFigures, Uniformity, UniformityTally};

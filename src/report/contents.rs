@@ -2,11 +2,14 @@
 
 use serde::Serialize;
 
-use super::{isolated::IsolatedReturns, mesh::MeshReport, squares::AreaMap, tallies::TileTallies};
+use super::{
+    isolated::IsolatedReturns, mesh::MeshReport, numbers::figure, squares::AreaMap,
+    tallies::TileTallies,
+};
 use crate::{
     geometry::Quantization,
     job::{InputCount, Outcome, ReportedLevels, ResourceSample, StageCost},
-    quality::{DistanceFigures, DistanceSums, Uniformity},
+    quality::{DistanceFigures, DistanceSums, SpacingClass, SpacingTally, Uniformity},
     views::{DetailView, ViewerSample},
 };
 
@@ -75,8 +78,25 @@ pub(super) struct RunDescription {
     pub(super) points: u64,
     /// The length of the output in bytes.
     pub(super) bytes: u64,
-    /// The spacing at which the solver aimed.
+    /// The spacing at which the solver aimed; the coarsest one if it varies.
     pub(super) spacing: f64,
+    /// The spacings at which the solver aimed by class, the finest first, if they vary.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) spacings: Vec<SpacingClass>,
+}
+
+impl RunDescription {
+    /// Returns how far points are apart, in words.
+    pub(super) fn apart(&self, length_unit: &str) -> String {
+        match self.spacings.first() {
+            Some(class) => format!(
+                "{} to {} {length_unit} apart",
+                figure(class.finest),
+                figure(self.spacing)
+            ),
+            None => format!("{} {length_unit} apart", figure(self.spacing)),
+        }
+    }
 }
 
 /// How even seeds and output are.
@@ -240,6 +260,8 @@ impl Report {
                 points: outcome.written.points,
                 bytes: outcome.written.bytes,
                 spacing: outcome.plan.spacing,
+                spacings: (outcome.stitched.spacings.as_ref())
+                    .map_or(Vec::new(), SpacingTally::classes),
             },
             evenness: Evenness {
                 seeds: tallies.seeds.figures(),

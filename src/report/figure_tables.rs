@@ -64,6 +64,33 @@ pub(super) fn figures(report: &Report) -> String {
         }
 }
 
+/// Returns the numbers of points by the spacing that is wanted there, if it varies.
+pub(super) fn spacings(report: &Report) -> String {
+    let all = report.run.points.max(1) as f64;
+    let rows = report.run.spacings.iter().map(|class| {
+        let (finest, coarsest) = (figure(class.finest), figure(class.coarsest));
+        vec![
+            match finest == coarsest {
+                true => finest,
+                false => format!("{finest} to {coarsest}"),
+            },
+            thousands(class.points),
+            format!("{:.1} %", 100.0 * class.points as f64 / all),
+        ]
+    });
+    let head = format!("wanted spacing in {}", report.length_unit);
+    match report.run.spacings.is_empty() {
+        true => String::new(),
+        false => format!(
+            "{}<p class=\"soft\">Figures of uniformity are those of points that are scaled to a spacing of {} {}, each \
+             by its own.</p>",
+            table(&[&head, "points", "share"], rows),
+            figure(report.run.spacing),
+            report.length_unit
+        ),
+    }
+}
+
 /// Returns the figures on seams and elsewhere, and how well tiles agree.
 pub(super) fn seams(report: &Report) -> String {
     let seams = &report.fit.seams;

@@ -3,12 +3,12 @@
 use super::{
     chart,
     contents::{Report, SPANNED},
-    figure_tables::{figures, inputs, seams, settings, stages},
+    figure_tables::{figures, inputs, seams, settings, spacings, stages},
     html::{STYLE, escape},
     levels::levels,
     map,
     mesh::MeshReport,
-    numbers::{figure, thousands},
+    numbers::thousands,
     scenes::{before_and_after, overview, worst},
     tile_map::tile_map,
     verdict::verdicts,
@@ -26,11 +26,10 @@ impl Report {
             "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">\
              <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
              <title>lloydar report</title><style>{STYLE}</style></head><body><main>\
-             <h1>{} points, {} {} apart</h1><p class=\"soft\">{} · lloydar {}</p>\
+             <h1>{} points, {}</h1><p class=\"soft\">{} · lloydar {}</p>\
              <div class=\"cards\">{}</div>{body}</main></body></html>\n",
             thousands(self.run.points),
-            figure(self.run.spacing),
-            self.length_unit,
+            self.run.apart(self.length_unit),
             escape(&self.run.output),
             self.run.version,
             cards(self)
@@ -39,10 +38,11 @@ impl Report {
 }
 
 /// Returns titles and contents; a section without content is left out.
-fn sections(report: &Report) -> [(&'static str, String); 16] {
+fn sections(report: &Report) -> [(&'static str, String); 17] {
     [
         ("Output", overview(&report.views.overview)),
         ("Figures", figures(report)),
+        ("Points by spacing", spacings(report)),
         ("A square before and after", before_and_after(report)),
         ("Nearest distances, in spacings", nearest_distances(report)),
         (

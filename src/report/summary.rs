@@ -2,7 +2,7 @@
 
 use super::{
     contents::Report,
-    numbers::{figure, mebibytes, thousands},
+    numbers::{mebibytes, thousands},
     verdict::verdicts,
     wording::stage_title,
 };
@@ -14,10 +14,9 @@ impl Report {
     /// Returns a few lines for a terminal.
     pub(crate) fn summary(&self) -> String {
         let mut text = format!(
-            "{} points, {} {} apart: {}\n",
+            "{} points, {}: {}\n",
             thousands(self.run.points),
-            figure(self.run.spacing),
-            self.length_unit,
+            self.run.apart(self.length_unit),
             self.run.output
         );
         for verdict in verdicts(self) {

@@ -23,6 +23,10 @@ pub(super) fn setting(name: &str, value: &str) -> [String; 2] {
             "within the input's spacing around each point".to_owned()
         }
         ("fill", Value::Number(width)) if width.as_f64() == Some(0.0) => "no holes".to_owned(),
+        ("density", Value::Object(density)) => {
+            let rules = density.get("rules").and_then(Value::as_array);
+            format!("by {} rules", rules.map_or(0, Vec::len))
+        }
         ("crs", Value::Object(_)) => "as given by --crs".to_owned(),
         (_, Value::Null) => default_of(name).to_owned(),
         (_, value) => in_words(value),
@@ -107,6 +111,11 @@ mod tests {
                 "without classes 7, 18; without withheld points; within 1.0, 2.0, 3.0, 4.0",
             ),
             ("target", r#"{"spacing":0.25}"#, "spacing 0.25"),
+            (
+                "density",
+                r#"{"elsewhere":1.0,"rules":[{},{}]}"#,
+                "by 2 rules",
+            ),
             ("crs", "null", "as the inputs state"),
             ("color", "\"nearest\"", "nearest"),
             ("with", "[]", "none"),

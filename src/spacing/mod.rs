@@ -114,8 +114,12 @@ pub(crate) fn resolve<C: CountedCloud>(
                 return Err(SpacingError::TooWide { spacing, extent });
             }
             let scale = quantization.scale;
-            if spacing < 2.0 * scale {
-                return Err(SpacingError::TooFine { spacing, scale });
+            let finest = settings.at(spacing, 0.0).finest_spacing();
+            if finest < 2.0 * scale {
+                return Err(SpacingError::TooFine {
+                    spacing: finest,
+                    scale,
+                });
             }
             let count = estimated_count(cloud, quantization, settings, spacing)?;
             Ok((spacing, count.round() as u64))

@@ -150,9 +150,10 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
         let tiles: Vec<Tile> = drawn.iter().map(|part| self.parts[part.index].0).collect();
         let elected = by_tile(&tiles, |tile| {
             let seen = tile.core.grown(self.halo);
-            let points =
+            let mut points =
                 self.cloud
                     .gather(&seen, self.quantization, options, PART_THINNING_LIMIT)?;
+            self.cloud.complete(&mut points, self.quantization, options);
             let scan = Scan::prepared(points, *self.quantization, options);
             Ok(elected_in(&scan, options, &tile.core) as u64)
         })?;

@@ -72,7 +72,9 @@ pub(crate) fn estimated_count<C: CountedCloud>(
 ) -> Result<f64, SpacingError<C::Error>> {
     let options = estimate_options(cloud, quantization, settings, spacing);
     let mut parts = Parts::cut(cloud, quantization, &options, POINTS_FOR_ESTIMATE);
-    let is_dense = options.seeds_per_point < DENSE_SITES_PER_POINT;
+    // Voxels say nothing where the spacing varies.
+    let is_graded = options.grading.is_some();
+    let is_dense = !is_graded && options.seeds_per_point < DENSE_SITES_PER_POINT;
     if is_dense || !parts.are_all_drawn(ESTIMATE_SAMPLE) {
         let counted = parts.count_voxels(&options);
         counted.map_err(SpacingError::Gather)?;

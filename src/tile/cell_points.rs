@@ -67,7 +67,7 @@ impl CellPoints {
             .chunks_exact(record_length)
             .map(Stored::of_record)
             .collect();
-        let (kept, others) = thinning.thin(&points, sums, |a, b| record(a).cmp(record(b)));
+        let (kept, others) = thinning.thin(&points, &[], sums, |a, b| record(a).cmp(record(b)));
         let is_all = kept.len() == points.len() && others.len() == sums.len();
         (!is_all).then(|| {
             let mut left = Vec::with_capacity(kept.len() * record_length);

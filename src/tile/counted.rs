@@ -39,7 +39,12 @@ impl CountedCloud for Spill {
         self.gather_each(
             rect,
             |found: &mut ThinnedPoints, spilled| match spilled {
-                Spilled::Record(record) => found.kept.push(Stored::of_record(record)),
+                Spilled::Record(record) => {
+                    found.kept.push(Stored::of_record(record));
+                    found
+                        .tags
+                        .extend(self.rules().map(|rules| rules.tag(record)));
+                }
                 Spilled::Sum(sum) => found.sums.push(*sum),
             },
             |found| {
@@ -51,5 +56,21 @@ impl CountedCloud for Spill {
             },
         )?;
         Ok(points)
+    }
+
+    fn complete(
+        &self,
+        points: &mut ThinnedPoints,
+        quantization: &Quantization,
+        options: &SolverOptions,
+    ) {
+        let Some(rules) = self.rules() else {
+            return;
+        };
+        *points = Thinning::new(quantization, options).thinned(std::mem::take(points));
+        let shares = rules.shares(&points.kept, &points.tags, options.spacing);
+        for (tag, share) in points.tags.iter_mut().zip(shares) {
+            tag.share = share;
+        }
     }
 }

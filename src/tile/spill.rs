@@ -5,6 +5,7 @@ use std::{
     collections::BTreeMap,
     fs::File,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 use rayon::prelude::*;
@@ -12,6 +13,7 @@ use rayon::prelude::*;
 use super::{
     cell_points::CellPoints,
     error::TileError,
+    spacing_rules::SpacingRules,
     spill_index::{Chunk, SpillIndex, index_path, spill_path},
 };
 use crate::{
@@ -28,6 +30,8 @@ pub struct Spill {
     /// The joined index of all files.
     pub(super) index: SpillIndex,
     points: u64,
+    /// The rules for the spacing at its points; `None` if it is the same everywhere.
+    rules: Option<Arc<dyn SpacingRules>>,
 }
 
 /// Where the points of a spill lie.
@@ -90,7 +94,18 @@ impl Spill {
             points: squares.sum(),
             place,
             index,
+            rules: None,
         }
+    }
+
+    /// Makes `rules` those for the spacing at its points.
+    pub(crate) fn set_rules(&mut self, rules: Option<Arc<dyn SpacingRules>>) {
+        self.rules = rules;
+    }
+
+    /// The rules for the spacing at its points; `None` if it is the same everywhere.
+    pub(super) fn rules(&self) -> Option<&dyn SpacingRules> {
+        self.rules.as_deref()
     }
 
     /// Reads the index of the spill at `stem`, and checks the length of its records.

@@ -45,6 +45,16 @@ pub(crate) trait CountedCloud: Sync {
         options: &SolverOptions,
         thinning_limit: u64,
     ) -> Result<ThinnedPoints, Self::Error>;
+
+    /// Completes what is known of the spacing at `points` that were gathered for `options`, where it varies: they are
+    /// thinned, and rules look at the points around each.
+    fn complete(
+        &self,
+        _points: &mut ThinnedPoints,
+        _quantization: &Quantization,
+        _options: &SolverOptions,
+    ) {
+    }
 }
 
 /// Points in memory, sorted by counting square.

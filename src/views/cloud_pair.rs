@@ -3,6 +3,7 @@
 use super::error::ViewError;
 use crate::{
     geometry::{Quantization, Rect, Stored},
+    las::{RealAttribute, RecordView},
     tile::{SettledTiles, Spill},
     tiling::Plan,
 };
@@ -23,11 +24,21 @@ pub(crate) struct CloudPair<'a> {
     pub(crate) sites_per_point: f64,
     /// Scale and offset of both clouds.
     pub(crate) quantization: &'a Quantization,
-    /// The spacing of the output.
+    /// The spacing of the output; the coarsest one if it varies.
     pub(crate) spacing: f64,
+    /// Where records contain the spacing that is wanted at their point; `None` if it is the same everywhere.
+    pub(crate) spacing_at_points: Option<RealAttribute>,
 }
 
 impl CloudPair<'_> {
+    /// The factor by which distances from the point of `record` are those of a cloud with one spacing.
+    pub(crate) fn scale_at(&self, record: &[u8]) -> f64 {
+        let wanted = self.spacing_at_points;
+        wanted.map_or(1.0, |at| {
+            self.spacing / f64::from(RecordView::new(record).real(at))
+        })
+    }
+
     /// Calls `visit` with every record of the output, in the order of the plan.
     ///
     /// # Errors

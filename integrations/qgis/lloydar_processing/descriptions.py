@@ -180,7 +180,7 @@ SOLVER = (
         "Normals (unit vectors), mean curvature (1 / unit of the CRS), area of the Voronoi cell (square units), "
         "density of the scan (points per square unit), distance to the scan (units of the CRS).",
         "--with",
-        choices=("normals", "curvature", "area", "density", "distance"),
+        choices=("normals", "curvature", "area", "density", "distance", "spacing"),
         advanced=True,
     ),
 )

@@ -30,7 +30,7 @@ FROZEN_CHOICES = {
     "ISOLATED": ("keep", "drop", "mark"),
     "COLOR": ("nearest", "mean"),
     "CLASS": ("nearest", "majority"),
-    "ATTRIBUTES": ("normals", "curvature", "area", "density", "distance"),
+    "ATTRIBUTES": ("normals", "curvature", "area", "density", "distance", "spacing"),
     "MESH_OF": ("surfaces", "all"),
     "VIEW": ("top", "oblique", "street"),
     "BY": ("auto", "height", "intensity", "class"),

@@ -43,6 +43,9 @@ class JobOptions(TypedDict, total=False):
     spacing: Length | None
     count: Amount | None
     ratio: float | str | None
+    density: PathLike | None
+    spacing_of: str | Iterable[str] | None
+    gradation: float | None
     exact: bool
     memory: Amount | None
     threads: int | None
@@ -118,6 +121,13 @@ def run(
         Number of output points: ``2_000_000``, ``"2M"``.
     ratio : float or str
         Output points for each input point: ``0.02``, ``"2%"``.
+    density : path, optional
+        TOML file with rules for the spacing, by class, attribute, area, distance from a line, height above ground or
+        curvature; `spacing` holds where no rule applies.
+    spacing_of : str or list of str, optional
+        Such rules in short: ``"class=2:0.5,6:0.1"``.
+    gradation : float, optional
+        How many times as long a cell may be as its neighbour where the spacing follows rules; 1.15 by default.
     exact : bool, default False
         Meet `count` or `ratio` exactly, and not only within 0.3 %.
     memory : int or str, optional
@@ -158,7 +168,7 @@ def run(
     class_ : {"nearest", "majority"}, optional
         Source of the class.
     with_ : str or list of str, optional
-        Extra attributes: ``"normals"``, ``"curvature"``, ``"area"``, ``"density"``, ``"distance"``.
+        Extra attributes: ``"normals"``, ``"curvature"``, ``"area"``, ``"density"``, ``"distance"``, ``"spacing"``.
     output_tiles : float or str, optional
         Write a directory of square tiles with this edge.
     format : {"laz", "pcd"}, optional

@@ -17,6 +17,7 @@ use crate::{
         progress::{Progress, Unit},
         resources::mebibytes,
         stages::{
+            density::spacing_rules,
             plan::JobPlan,
             scan_groups::open_spill,
             solve::{corrected_count, finish_tiles, solve_tiles, start_tiles},
@@ -57,7 +58,9 @@ impl Worker {
         cancel: &AtomicBool,
     ) -> Result<(), JobError> {
         let Handover { job, record, plan } = Handover::read(dir)?;
-        let solver = TileSolver::new(open_spill(dir)?, plan, &record, &job.settings);
+        let mut spill = open_spill(dir)?;
+        spill.set_rules(spacing_rules(&job.settings, &record, &plan.quantization)?);
+        let solver = TileSolver::new(spill, plan, &record, &job.settings);
         let plan = &solver.plan;
         let groups = groups(&plan.plan);
         RunContext::with(&job, self.threads, progress, cancel, |run| {

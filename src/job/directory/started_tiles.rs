@@ -10,7 +10,7 @@ use crate::{
     job::error::JobError,
     lloyd::{
         Candidates, CountCorrection, FirstRound, ResumedSites, SiteState, SolverOptions,
-        WantedCount,
+        SpacingField, WantedCount,
     },
     quality::{DistanceSums, UniformityTally},
     tile::{BlockFile, TileError},
@@ -186,7 +186,7 @@ impl StartedTiles {
         Ok((correction, sites))
     }
 
-    /// Reads the sites in `rect`, of all `tiles`, to go on at `spacing` (CRS units) after `correction`.
+    /// Reads the sites in `rect`, of all `tiles`, to go on with the spacings of `field` after `correction`.
     ///
     /// # Errors
     ///
@@ -195,7 +195,7 @@ impl StartedTiles {
         &self,
         rect: &Rect,
         tiles: &[Tile],
-        spacing: f64,
+        field: &SpacingField,
         correction: &'a CountCorrection,
     ) -> Result<ResumedSites<'a>, JobError> {
         let mut pieces = Vec::new();
@@ -211,7 +211,7 @@ impl StartedTiles {
         }
         let coming = correction.coming().iter();
         known.extend(coming.filter(|(place, _)| rect.contains(*place)));
-        let mut sites = ResumedSites::new(known, spacing, correction);
+        let mut sites = ResumedSites::new(known, field, correction);
         for &(tile, piece) in &pieces {
             sites.add(self.decoded(key(tile, states_of(piece)))?);
         }
@@ -324,7 +324,9 @@ mod tests {
         let file = StartedTiles::open(dir.path(), Vec::new(), SQUARE).unwrap();
         let uncorrected = CountCorrection::default();
         for seen in [rect(0, 2001), rect(300, 650), rect(850, 950), rect(-10, 0)] {
-            let found = file.sites_in(&seen, &tiles, 0.1, &uncorrected).unwrap();
+            let found = file
+                .sites_in(&seen, &tiles, &SpacingField::constant(0.1), &uncorrected)
+                .unwrap();
             let expected = states.iter().filter(|s| seen.contains(s.identity));
             assert_eq!(found.len(), expected.count());
             let mut found = file.filling_in(&seen, &tiles).unwrap();

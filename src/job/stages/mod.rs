@@ -10,6 +10,7 @@ mod cell_attributes;
 mod checksums;
 mod compatibility;
 mod cut_tiles;
+pub(crate) mod density;
 mod input_counts;
 mod input_parts;
 mod mesh;

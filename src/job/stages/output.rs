@@ -183,6 +183,7 @@ fn cloud_pair<'a>(planned: &'a PlannedJob, settled: &'a SettledTiles) -> CloudPa
         sites_per_point: solver.options.seeds_per_point,
         quantization: &solver.plan.quantization,
         spacing: solver.options.spacing,
+        spacing_at_points: solver.transfer.spacing(),
     }
 }
 

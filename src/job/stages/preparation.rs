@@ -2,6 +2,7 @@
 
 use super::{
     checksums::checksums,
+    density::spacing_rules,
     input_counts::input_counts,
     no_points::no_points,
     plan::plan_tiles,
@@ -127,14 +128,16 @@ fn scatter_and_plan(
 ) -> Result<(Survey, Vec<String>, TileSolver), JobError> {
     let settings = &run.job.settings;
 
-    // Scatter every point to the spill of its cell.
+    // Scatter every point to the spill of its cell. Rules that no record can follow are refused before.
+    let rules = spacing_rules(settings, &survey.record, &survey.quantization)?;
     let (survey, mut spill) = scatter_readable(run, directory, survey, worker, readers)?;
     run.clock.end_stage("scatter");
     if spill.points() == 0 {
         return Err(no_points(&survey, &spill));
     }
 
-    // Choose one spacing for the whole cloud.
+    // Choose one spacing for the whole cloud, the coarsest one if it varies.
+    spill.set_rules(rules);
     let cloud = ScatteredCloud {
         run,
         directory,
@@ -148,7 +151,8 @@ fn scatter_and_plan(
     // Points in memory that no tile will use make room. With a known spacing they did as they came.
     let transfer = Transfer::new(&survey.record, settings);
     let is_thinned = matches!(settings.target, Target::Spacing(_));
-    if !is_thinned && !transfer.needs_cells() {
+    let is_graded = options.grading.is_some();
+    if !is_thinned && !is_graded && !transfer.needs_cells() {
         spill.thin(&Thinning::new(&survey.quantization, &options));
     }
 

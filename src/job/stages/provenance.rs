@@ -22,6 +22,9 @@ pub(super) fn provenance(settings: &Settings, planned: &PlannedJob) -> String {
     };
     // The polygon of a coast line would fill the record.
     settings.input.filter.polygons = None;
+    if let Some(density) = &mut settings.density {
+        density.leave_out_outlines();
+    }
     serde_json::json!({
         "lloydar": env!("CARGO_PKG_VERSION"),
         "spacing": planned.solver.options.spacing,

@@ -304,6 +304,8 @@ impl Scatter<'_> {
         let Self { run, survey, .. } = *self;
         let settings = &run.job.settings;
         match settings.target {
+            // Where the spacing varies, every point counts for what is wanted at its place.
+            _ if settings.solver.grading.is_some() => None,
             Target::Spacing(spacing) if !Transfer::new(&survey.record, settings).needs_cells() => {
                 let options = settings.solver.at(spacing, 0.0);
                 Some(Thinning::new(&survey.quantization, &options))

@@ -39,6 +39,8 @@ pub(crate) struct Survey {
 #[derive(Clone, Debug)]
 struct Requested {
     target: Target,
+    /// The finest spacing, as a share of the coarsest.
+    finest: f64,
     /// The CRS of all inputs, whatever their headers state.
     crs: Option<Crs>,
     /// The CRS to which they are reprojected.
@@ -81,6 +83,10 @@ impl Survey {
         }
         let requested = Requested {
             target: settings.target,
+            finest: settings
+                .solver
+                .grading
+                .map_or(1.0, |grading| grading.finest),
             crs: settings.input.crs.clone(),
             reproject: settings.input.reproject,
             filter: settings.input.filter.clone(),
@@ -140,7 +146,7 @@ impl Survey {
         let crs = inputs.iter().find_map(|input| input.crs.clone());
         Ok(Self {
             record: RecordFormat::for_inputs(&inputs)?,
-            quantization: quantization(&inputs, requested.target),
+            quantization: quantization(&inputs, &requested),
             has_standard_time: inputs
                 .iter()
                 .any(|input| input.format().has_gps_time && input.has_standard_time),
@@ -238,11 +244,13 @@ fn claimed_bounds(inputs: &[InputFile]) -> ([f64; 3], [f64; 3]) {
 }
 
 /// The smallest scale of the inputs, or a smaller one if the spacing requires it.
-fn quantization(inputs: &[InputFile], target: Target) -> Quantization {
+fn quantization(inputs: &[InputFile], requested: &Requested) -> Quantization {
     let scale = inputs
         .iter()
         .map(InputFile::finest_scale)
         .fold(f64::INFINITY, f64::min);
     let (min, max) = claimed_bounds(inputs);
-    Quantization::for_spacing(min, max, scale, target.spacing_of_a_square(min, max))
+    let spacing = requested.target.spacing_of_a_square(min, max);
+    let finest = spacing.map(|coarsest| requested.finest * coarsest);
+    Quantization::for_spacing(min, max, scale, finest)
 }

@@ -23,6 +23,9 @@ use crate::{
 const SEED_MARGIN: f64 = 1.25;
 /// Occupied voxels to a seed where the scan is dense: five on a plane that is parallel to the axes.
 const VOXELS_PER_DENSE_SEED: f64 = 7.0;
+/// A tile takes this factor more where the spacing varies: for what is known of each point, the field, and points that are
+/// thinned once more. On a simulated street of 4 M points to 178 K it was 1.26.
+const GRADED_FACTOR: f64 = 1.4;
 /// Number of points in memory while the points that remain after thinning are counted.
 const THINNING_LIMIT: u64 = 1 << 20;
 
@@ -47,13 +50,17 @@ pub(super) fn costed_squares(
     points_out: u64,
 ) -> Result<Vec<Square>, JobError> {
     let spill = cloud.spill;
+    let factor = match options.grading {
+        None => 1.0,
+        Some(_) => GRADED_FACTOR,
+    };
     // If one tile has room for all points, it does not matter how many of them are where.
     let values = spill.values() as f64;
     let all = |_, points: u64| {
         let share = points as f64 / spill.points() as f64;
         let points = share * values;
         let seeds = SEED_MARGIN * share * points_out as f64;
-        tile_bytes(points, points, seeds)
+        factor * tile_bytes(points, points, seeds)
     };
     let squares = |cost: &dyn Fn([i64; 2], u64) -> f64| -> Vec<Square> {
         let square = |(index, points)| Square {
@@ -71,7 +78,7 @@ pub(super) fn costed_squares(
     // Count what remains after thinning, and estimate the seeds.
     let kept = kept_counts(cloud, options)?;
     let edge = spill.grid().square() as f64 * cloud.quantization().scale;
-    let room = (edge / options.spacing).powi(2) / AREA_PER_SEED;
+    let room = (edge / options.finest_spacing()).powi(2) / AREA_PER_SEED;
     let seeds = |kept: &KeptCounts| {
         let voxels = kept.voxels as f64;
         (voxels / VOXELS_PER_DENSE_SEED).max(voxels.min(room))
@@ -82,7 +89,7 @@ pub(super) fn costed_squares(
             points,
             voxels: points,
         });
-        tile_bytes(kept.points as f64, kept.voxels as f64, scale * seeds(&kept))
+        factor * tile_bytes(kept.points as f64, kept.voxels as f64, scale * seeds(&kept))
     }))
 }
 

@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{
     config::Settings,
-    geometry::{ITEMS_PER_TASK, Local, NeighborGrid, Quantization, Rect, Stored},
+    geometry::{ITEMS_PER_TASK, Local, Quantization, Rect, Stored},
     job::{
         directory::{StartedTile, StartedTiles},
         error::JobError,
@@ -125,7 +125,9 @@ impl TileSolver {
         let (quantization, options) = (self.plan.quantization, &self.options);
         let known = self.known(&tile);
         let limit = points_for(tile.cost);
-        let points = CountedCloud::gather(&self.spill, &known, &quantization, options, limit)?;
+        let spill = &self.spill;
+        let mut points = CountedCloud::gather(spill, &known, &quantization, options, limit)?;
+        spill.complete(&mut points, &quantization, options);
         let unsmoothed =
             (options.smooth > 0.0).then(|| Scan::thinned(points.clone(), quantization, options));
         let scan = prepare(points, quantization, options);
@@ -201,8 +203,8 @@ impl TileSolver {
         watch: &dyn Fn(f64) -> ControlFlow<()>,
     ) -> Result<(SolvedTile, TileFigures), JobError> {
         let region = self.region(&loaded);
-        let (tiles, spacing) = (&self.plan.plan.tiles, self.options.spacing);
-        let resumed = started.sites_in(&region.available, tiles, spacing, correction)?;
+        let (tiles, field) = (&self.plan.plan.tiles, loaded.scan.field());
+        let resumed = started.sites_in(&region.available, tiles, field, correction)?;
         let solution = solve_last_round(&loaded.scan, &region, &self.options, resumed, &|share| {
             watch(SOLVER_SHARE * share)
         });
@@ -325,16 +327,17 @@ fn input_distances(scan: &Scan, core: &Rect, options: &SolverOptions) -> Uniform
 /// Distances from representative input points in the core to their nearest sites.
 fn coverage(scan: &Scan, sites: &[Site], core: &Rect, spacing: f64) -> DistanceTally {
     let positions: Vec<Local> = sites.iter().map(|site| site.position).collect();
-    let grid = NeighborGrid::new(&positions, SITE_SEARCH_IN_SPACINGS * spacing);
+    let grid = scan.field().grid(&positions, SITE_SEARCH_IN_SPACINGS);
     let farthest = FARTHEST_MATCH_IN_SPACINGS * spacing;
     let points = scan.representatives();
     let to_site = |&point: &Stored| {
         let position = scan.quantization().local(point);
         let nearest = grid.nearest(position, farthest, |_| false);
-        nearest.map_or(farthest, |(_, squared)| squared.sqrt())
+        let distance = nearest.map_or(farthest, |(_, squared)| squared.sqrt());
+        (distance, scan.field().at(position))
     };
     let is_own = |point: &&Stored| core.contains(**point);
-    let distances: Vec<f64> = points
+    let distances: Vec<(f64, f64)> = points
         .par_iter()
         .with_max_len(ITEMS_PER_TASK)
         .filter(is_own)
@@ -342,6 +345,7 @@ fn coverage(scan: &Scan, sites: &[Site], core: &Rect, spacing: f64) -> DistanceT
         .collect();
     // One thread sums, since a sum must not depend on the number of threads.
     let mut tally = DistanceTally::new(spacing);
-    distances.into_iter().for_each(|d| tally.push(d));
+    let pairs = distances.into_iter();
+    pairs.for_each(|(distance, spacing)| tally.push_at(distance, spacing));
     tally
 }

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::cell_attributes::CellAttributes;
 use crate::{
     config::{ClassRule, ColorRule, Computed, Settings},
-    geometry::{ITEMS_PER_TASK, Local, NeighborGrid, Quantization, Rect, Stored},
+    geometry::{ITEMS_PER_TASK, Local, Quantization, Rect, Stored},
     job::error::JobError,
     las::{RealAttribute, RecordFormat, RecordView},
     lloyd::{IsolatedRule, Scan, Site},
@@ -33,6 +33,8 @@ pub(crate) struct Transfer {
     class: ClassRule,
     /// Whether the points of isolated seeds get a class of their own.
     marks_isolated: bool,
+    /// Whether the spacing varies.
+    is_graded: bool,
     /// The attributes that are added, each with its components in the record.
     computed: Vec<(Computed, Vec<RealAttribute>)>,
     record: RecordFormat,
@@ -96,11 +98,15 @@ impl Transfer {
     /// The transfer from records of the format `scanned`, by `settings`.
     pub(crate) fn new(scanned: &RecordFormat, settings: &Settings) -> Self {
         let mut record = scanned.clone();
-        let computed = settings
-            .attributes
-            .with
-            .iter()
-            .map(|&computed| {
+        let is_graded = settings.solver.grading.is_some();
+        let mut with = settings.attributes.with.clone();
+        // Figures of points whose spacing varies need it.
+        if is_graded && !with.contains(&Computed::Spacing) {
+            with.push(Computed::Spacing);
+        }
+        let computed: Vec<_> = with
+            .into_iter()
+            .map(|computed| {
                 let components = names(computed)
                     .iter()
                     .map(|(name, description)| record.add_real(name, description))
@@ -112,6 +118,7 @@ impl Transfer {
             color: settings.attributes.color,
             class: settings.attributes.class,
             marks_isolated: settings.solver.isolated == IsolatedRule::Mark,
+            is_graded,
             computed,
             record,
             described_length: scanned.described_length(),
@@ -129,6 +136,14 @@ impl Transfer {
             |(computed, _): &&(Computed, Vec<RealAttribute>)| *computed == Computed::Normals;
         let (_, components) = self.computed.iter().find(is_normal)?;
         components.as_slice().try_into().ok()
+    }
+
+    /// The component with the wanted spacing at a point of the output, if it varies.
+    pub(super) fn spacing(&self) -> Option<RealAttribute> {
+        let is_spacing =
+            |(computed, _): &&(Computed, Vec<RealAttribute>)| *computed == Computed::Spacing;
+        let (_, components) = self.computed.iter().find(is_spacing)?;
+        components.first().copied().filter(|_| self.is_graded)
     }
 
     /// Whether records depend on all points in a cell, not only on the nearest one.
@@ -193,7 +208,8 @@ impl Transfer {
         let wanted: HashSet<Stored> = nearest.iter().map(|&(point, _)| point).collect();
         let cells_of = self.needs_cells().then(|| {
             let positions = tile.sites.iter().map(|site| tile.written_position(site));
-            NeighborGrid::new(&positions.collect::<Vec<Local>>(), tile.spacing)
+            let field = tile.scan.field();
+            field.grid(&positions.collect::<Vec<Local>>(), 1.0)
         });
         let mut all = Gathered::default();
         spill.gather_each(
@@ -256,6 +272,7 @@ impl Transfer {
                 Computed::Area => vec![area],
                 Computed::Density => vec![cell.map_or(0, CellAttributes::points) as f64 / area],
                 Computed::Distance => vec![distance],
+                Computed::Spacing => vec![site.spacing],
             };
             for (value, &component) in values.into_iter().zip(components) {
                 RecordView::new(&mut *record).set_real(component, value);
@@ -276,6 +293,7 @@ fn names(computed: Computed) -> &'static [(&'static str, &'static str)] {
         Computed::Area => &[("CellArea", "of the Voronoi cell")],
         Computed::Density => &[("InputDensity", "input points to the unit of area")],
         Computed::Distance => &[("InputDistance", "to the nearest input point")],
+        Computed::Spacing => &[("Spacing", "wanted spacing")],
     }
 }
 

@@ -7,7 +7,7 @@ use super::{stitch::adjacent, tile_solver::BAND_IN_SPACINGS};
 use crate::{
     geometry::{Local, NeighborGrid, Rect, Stored},
     job::{error::JobError, progress::Progress},
-    quality::UniformityTally,
+    quality::{SpacingTally, UniformityTally},
     tile::SeamTally,
     tiling::Tile,
     views::{CloudPair, UniformityMap},
@@ -19,7 +19,8 @@ const SEAM_IN_SPACINGS: f64 = 2.0;
 /// Largest distance at which sites end from the core in which they are at home, in spacings.
 const FARTHEST_SITE_IN_SPACINGS: f64 = 2.0 * BAND_IN_SPACINGS;
 
-/// The figures of the whole cloud, as written. Lengths are CRS units.
+/// The figures of the whole cloud, as written. Lengths are CRS units; where the spacing varies, those of points that are scaled
+/// to the coarsest spacing, each by its own.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Stitched {
     /// How well tiles agreed on the sites that they share.
@@ -32,6 +33,9 @@ pub(crate) struct Stitched {
     pub(crate) elsewhere: UniformityTally,
     /// Number of points that were written at the position of another one.
     pub(crate) duplicates: u64,
+    /// The wanted spacings, if they vary.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) spacings: Option<SpacingTally>,
 }
 
 impl Stitched {
@@ -43,6 +47,7 @@ impl Stitched {
             on_seams: tally(),
             elsewhere: tally(),
             duplicates: 0,
+            spacings: None,
         }
     }
 
@@ -76,6 +81,7 @@ pub(super) fn write_tiles(
 ) -> Result<(Stitched, Vec<f64>), JobError> {
     let seam = cloud.quantization.units(SEAM_IN_SPACINGS * cloud.spacing);
     let mut stitched = Stitched::new(seams, cloud.spacing);
+    stitched.spacings = (cloud.spacing_at_points).map(|_| SpacingTally::new(cloud.spacing));
     let mut delta_by_tile = Vec::new();
     for tile in &cloud.plan.tiles {
         // Measure the nearest distances, to points of neighbouring tiles, too.
@@ -89,6 +95,11 @@ pub(super) fn write_tiles(
         let records_of_points = records.chunks_exact(cloud.record_length);
         for (record, nearest) in records_of_points.zip(nearest) {
             let point = Stored::of_record(record);
+            let scale = cloud.scale_at(record);
+            if let Some(spacings) = &mut stitched.spacings {
+                spacings.push(cloud.spacing / scale);
+            }
+            let nearest = nearest.map(|distance| scale * distance);
             map.push(point, nearest, cloud.spacing);
             stitched.push(nearest, others.iter().any(|core| core.depth(point) > -seam));
             if let Some(distance) = nearest {

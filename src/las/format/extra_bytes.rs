@@ -108,12 +108,17 @@ impl ExtraAttribute {
         self.descriptor.get(DATA_TYPE).copied().unwrap_or(0)
     }
 
+    /// Whether the attribute is a scalar with a value that stands for a missing number.
+    pub(super) fn declares_no_data(&self) -> bool {
+        let options = self.descriptor.get(OPTIONS).copied().unwrap_or(0);
+        let is_scalar = (1..=SCALAR_DATA_TYPES).contains(&self.data_type().into());
+        options & DECLARES_NO_DATA != 0 && is_scalar
+    }
+
     /// The bytes that records get whose input lacks the attribute: the no-data value if a
     /// scalar attribute declares one, else zeros.
     pub(super) fn no_data(&self) -> Vec<u8> {
-        let options = self.descriptor.get(OPTIONS).copied().unwrap_or(0);
-        let is_scalar = (1..=SCALAR_DATA_TYPES).contains(&self.data_type().into());
-        if options & DECLARES_NO_DATA != 0 && is_scalar {
+        if self.declares_no_data() {
             self.descriptor[NO_DATA_START..NO_DATA_START + self.length].to_vec()
         } else {
             vec![0; self.length]

@@ -49,7 +49,7 @@ pub(super) const SINGLE_RETURN: u8 = 0x11;
 /// The flag of a point that is withheld.
 pub(in crate::las) const WITHHELD: u8 = 1 << 2;
 /// The unit of the scan angle in degrees.
-const SCAN_ANGLE_UNIT_IN_DEGREES: f64 = 0.006;
+pub(super) const SCAN_ANGLE_UNIT_IN_DEGREES: f64 = 0.006;
 
 /// The length of a record of `point_format` (6, 7 or 8) without extra bytes, in bytes.
 #[inline]

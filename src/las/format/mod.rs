@@ -1,5 +1,6 @@
 //! What stands where in the bytes of files and of records: every byte offset is here.
 
+pub(super) mod attribute;
 pub(super) mod chunk_table;
 pub(super) mod conversion;
 pub(super) mod copc;

@@ -11,10 +11,12 @@ pub(super) mod counts;
 mod decoder;
 #[cfg(feature = "e57")]
 mod e57;
+mod geometry_file;
 pub(super) mod guard;
 pub(super) mod input;
 mod las_reader;
 mod las_survey;
+pub(super) mod line_filter;
 pub(super) mod list;
 mod parts;
 mod placement;

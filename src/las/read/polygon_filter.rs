@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use geo::{BoundingRect, Coord, Geometry, Intersects, MultiPolygon};
-use geojson::GeoJson;
 use serde::{Deserialize, Serialize};
-use wkt::TryFromWkt;
+
+use super::geometry_file::{geometry_of, text_of};
 
 /// Polygons in the CRS of the data; points on their edges are inside.
 ///
@@ -27,22 +27,12 @@ impl PolygonFilter {
     ///
     /// A text that says what is wrong with the file.
     pub(crate) fn from_file(path: &Path) -> Result<Self, String> {
-        let text = std::fs::read_to_string(path).map_err(|e| format!("cannot be read: {e}"))?;
-        Self::from_text(&text)
+        Self::from_text(&text_of(path)?)
     }
 
     fn from_text(text: &str) -> Result<Self, String> {
-        let geometry: Geometry<f64> = match text.trim_start().starts_with('{') {
-            true => text
-                .parse::<GeoJson>()
-                .and_then(|json| geo::GeometryCollection::try_from(&json))
-                .map(Geometry::GeometryCollection)
-                .map_err(|e| format!("is no GeoJSON: {e}"))?,
-            false => Geometry::try_from_wkt_str(text.trim())
-                .map_err(|e| format!("is neither GeoJSON nor well-known text: {e}"))?,
-        };
         let mut polygons = Vec::new();
-        collect_polygons(geometry, &mut polygons)?;
+        collect_polygons(geometry_of(text)?, &mut polygons)?;
         Self::new(MultiPolygon(polygons))
     }
 
@@ -64,7 +54,7 @@ impl PolygonFilter {
     }
 
     /// Whether `world` lies in one of the polygons, seen from above.
-    pub(super) fn contains(&self, world: &[f64; 3]) -> bool {
+    pub(crate) fn contains(&self, world: &[f64; 3]) -> bool {
         let position = Coord {
             x: world[0],
             y: world[1],

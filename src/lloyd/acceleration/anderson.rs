@@ -166,7 +166,10 @@ impl Anderson {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lloyd::step::Step;
+    use crate::lloyd::{
+        field::SpacingField,
+        step::{SiteSpacings, Step},
+    };
 
     /// A linear fixed point iteration x ← M x in every coordinate, with known
     /// answer 0: Anderson must find it in a few steps where plain iteration
@@ -189,6 +192,7 @@ mod tests {
             let iterate = Iterate {
                 sites: &sites,
                 steps: &steps,
+                spacings: &SiteSpacings::new(&sites, &SpacingField::constant(1.0)),
                 spacing: 1.0,
             };
             let residuals: Vec<Local> = (0..sites.len()).map(|i| iterate.residual(i)).collect();

@@ -1,6 +1,9 @@
 //! One iterate of the fixed-point iteration Y ← G(Y), where G is a Lloyd step.
 
-use crate::{geometry::Local, lloyd::step::Step};
+use crate::{
+    geometry::Local,
+    lloyd::step::{SiteSpacings, Step},
+};
 
 /// The results of a Lloyd step for all sites, in the order of the sites.
 pub(crate) struct Iterate<'a> {
@@ -8,7 +11,9 @@ pub(crate) struct Iterate<'a> {
     pub(crate) sites: &'a [Local],
     /// The steps of the sites.
     pub(crate) steps: &'a [Step],
-    /// The spacing of the output (CRS units).
+    /// The spacing at each site.
+    pub(crate) spacings: &'a SiteSpacings,
+    /// The coarsest spacing (CRS units).
     pub(crate) spacing: f64,
 }
 

@@ -70,13 +70,14 @@ impl Relaxation {
 
     /// The next positions of all sites.
     pub(super) fn next(&mut self, iterate: &Iterate<'_>) -> Vec<Local> {
-        let largest = (LARGEST_RESIDUAL_IN_SPACINGS * iterate.spacing).powi(2);
         let memory = &self.sites;
         let (mut positions, mut next) = (Vec::new(), Vec::new());
         (0..memory.len())
             .into_par_iter()
             .map(|site| {
                 let own = memory[site];
+                let spacing = iterate.spacings.of(site);
+                let largest = (LARGEST_RESIDUAL_IN_SPACINGS * spacing).powi(2);
                 let residual = iterate.residual(site);
                 let square = residual.norm_squared();
                 let (mut now, mut before) = (0.0, 0.0);

@@ -22,7 +22,7 @@ use rayon::prelude::*;
 
 use super::surroundings::Surroundings;
 use crate::{
-    geometry::{Local, NeighborGrid, OccupiedCells, Patch, PatchKind, Stored, cell_of},
+    geometry::{Local, NeighborGrid, Patch, PatchKind, Stored, cell_of},
     lloyd::surface::{Surface, bounding_box},
 };
 
@@ -61,21 +61,27 @@ pub(super) fn filling(surface: Surface<'_>) -> Vec<Stored> {
     if surface.options.fill <= 0.0 {
         return Vec::new();
     }
-    let spacing = surface.spacing();
-    let landmarks = landmarks(surface, LANDMARK_CELL_IN_SPACINGS * spacing);
-    let dense = DENSE_IN_SPACINGS * spacing;
-    let across_gap = SEARCH_IN_FILLS * surface.options.fill;
+    let (field, spacing) = (surface.field(), surface.spacing());
+    let landmarks = landmarks(surface);
+    let across_gap = SEARCH_IN_FILLS * surface.options.fill / spacing;
+    let across_gap = DENSE_IN_SPACINGS.max(across_gap / CELLS_PER_SEARCH);
     let grids = Grids {
-        dense: NeighborGrid::new(&landmarks, dense),
-        across_gap: NeighborGrid::new(&landmarks, dense.max(across_gap / CELLS_PER_SEARCH)),
+        dense: field.grid(&landmarks, DENSE_IN_SPACINGS),
+        across_gap: field.grid(&landmarks, across_gap),
     };
-    let block_of = |&landmark: &Local| cell_of(landmark, BLOCK_IN_SPACINGS * spacing);
+    let block_of = |&landmark: &Local| {
+        let edge = field.finest_of_layer(landmark);
+        (edge.to_bits(), cell_of(landmark, BLOCK_IN_SPACINGS * edge))
+    };
     landmarks
         .par_chunk_by(|a, b| block_of(a) == block_of(b))
         .map_init(Block::default, |block, landmarks| {
-            block.begin(landmarks, &grids, surface);
+            let coarsest = surface.coarsest_options(landmarks.iter().copied());
+            block.begin(landmarks, &grids, surface.with(&coarsest));
             let mut positions = Vec::new();
             for &landmark in landmarks {
+                let options = surface.options_at(landmark);
+                let surface = surface.with(&options);
                 if let Some(patch) = patch_across_gap(landmark, &grids, surface, block) {
                     positions.extend(filled_around(landmark, &patch, surface, &block.near));
                 }
@@ -95,6 +101,8 @@ struct Block {
     samples: Option<Vec<Local>>,
     /// The corners of the box around the landmarks of the block.
     corners: [Local; 2],
+    /// The widest fit radius of the landmarks (CRS units).
+    fit_radius: f64,
     /// Scratch: what is near one landmark.
     near: Vec<Local>,
 }
@@ -103,6 +111,7 @@ impl Block {
     /// Prepares for `landmarks`.
     fn begin(&mut self, landmarks: &[Local], grids: &Grids, surface: Surface<'_>) {
         self.corners = bounding_box(landmarks.iter().copied());
+        self.fit_radius = surface.options.fit_radius;
         let reach = Local::repeat(DENSE_IN_SPACINGS * surface.spacing());
         let [low, high] = self.corners;
         self.samples = None;
@@ -122,7 +131,7 @@ impl Block {
         let radius = surface.options.fit_radius;
         let samples = self.samples.get_or_insert_with(|| {
             let [low, high] = self.corners;
-            let (reach, mut found) = (Local::repeat(radius), Vec::new());
+            let (reach, mut found) = (Local::repeat(self.fit_radius.max(radius)), Vec::new());
             let samples = surface.scan.samples();
             samples.visit_box(low - reach, high + reach, |_, sample| found.push(sample));
             found
@@ -146,10 +155,10 @@ struct Grids {
     across_gap: NeighborGrid,
 }
 
-/// The landmarks: means of the samples in cells of `edge` (CRS units).
-fn landmarks(surface: Surface<'_>, edge: f64) -> Vec<Local> {
+/// The landmarks: means of the samples in cells.
+fn landmarks(surface: Surface<'_>) -> Vec<Local> {
     let samples = surface.scan.samples().points();
-    let (cells, order) = OccupiedCells::sort(samples, |&p| cell_of(p, edge));
+    let (cells, order) = surface.field().cells(samples, LANDMARK_CELL_IN_SPACINGS);
     let mean = |range: Range<usize>| {
         let count = range.len() as f64;
         let in_cell = order[range].iter().map(|&index| samples[index as usize]);

@@ -12,5 +12,5 @@ mod thinning;
 mod voxel;
 
 pub use points::Scan;
-pub(crate) use thinned::{PointSum, ThinnedPoints};
+pub(crate) use thinned::{PointSum, PointTag, ThinnedPoints};
 pub(crate) use thinning::Thinning;

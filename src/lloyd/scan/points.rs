@@ -17,11 +17,11 @@ use rayon::prelude::*;
 use super::{
     thinned::{PointSum, ThinnedPoints},
     thinning::{MOST_IN_VOXEL, keep_first},
-    voxel::voxel_edge,
+    voxel::{VOXELS_PER_SPACING, voxel_edge},
 };
 use crate::{
-    geometry::{Local, NeighborGrid, OccupiedCells, Quantization, Stored, cell_of},
-    lloyd::SolverOptions,
+    geometry::{LayeredCells, Local, NeighborGrid, OccupiedCells, Quantization, Stored, cell_of},
+    lloyd::{SolverOptions, field::SpacingField},
 };
 
 /// A sample that is the mean of this many points has half of the weight that a sample can have:
@@ -50,8 +50,21 @@ pub struct Scan {
     /// The voxels of the filling.
     pub(super) filled: OccupiedCells,
     samples: NeighborGrid,
-    /// The weight of each sample in a fit, in the order of the voxels, then of the filling.
+    /// The weight of each sample in a fit: first those of the scan, then those of the filling.
     weights: Vec<f32>,
+    /// Where the spacing varies, which voxels have one sample together.
+    merged: Option<MergedVoxels>,
+    /// The spacing that is wanted everywhere.
+    field: SpacingField,
+}
+
+/// Voxels that have one sample together: those of a coarser voxel, where the spacing is coarser than the finest.
+#[derive(Debug)]
+struct MergedVoxels {
+    /// The coarser voxels, in layers; their number is that of the samples of the scan.
+    cells: LayeredCells,
+    /// The number of points that each of them keeps.
+    kept: Vec<u32>,
 }
 
 impl Scan {
@@ -93,7 +106,15 @@ impl Scan {
         } = *options;
         assert!(fit_radius > 0.0, "a fit radius of {fit_radius}");
         let voxel = voxel_edge(&quantization, options);
-        let ThinnedPoints { kept, sums } = points;
+        let ThinnedPoints { kept, sums, tags } = points;
+        let field = match &options.grading {
+            Some(grading) if !tags.is_empty() => {
+                let shares: Vec<f32> = tags.iter().map(|tag| tag.share).collect();
+                SpacingField::new(&kept, &shares, &quantization, options.spacing, grading)
+            }
+            _ => SpacingField::constant(options.spacing),
+        };
+        drop(tags);
         let (mut voxels, mut points) =
             OccupiedCells::sort_points(&kept, |p| cell_of(quantization.local(p), voxel));
         drop(kept);
@@ -120,9 +141,16 @@ impl Scan {
             let weight = quantization.scale / total.count as f64;
             Local::from(total.sum.map(|s| s as f64 * weight))
         };
-        let means: Vec<Local> = totals.par_iter().map(mean).collect();
+        let mut means: Vec<Local> = totals.par_iter().map(mean).collect();
+        let merged = (!field.is_constant()).then(|| {
+            let merged = MergedVoxels::new(&means, &totals, &voxels, &field);
+            totals = merged.1;
+            means = totals.par_iter().map(mean).collect();
+            merged.0
+        });
         let weights = totals.iter().map(|total| weight_of(total.count)).collect();
         Self {
+            samples: samples_by_cell(&means, &field, options),
             quantization,
             seed,
             voxel,
@@ -130,8 +158,23 @@ impl Scan {
             voxels,
             filling: Vec::new(),
             filled: OccupiedCells::sort(&[], |&cell| cell).0,
-            samples: NeighborGrid::new(&means, SAMPLE_CELL_IN_FIT_RADII * fit_radius),
             weights,
+            merged,
+            field,
+        }
+    }
+
+    /// The spacing that is wanted everywhere.
+    #[inline]
+    pub(crate) fn field(&self) -> &SpacingField {
+        &self.field
+    }
+
+    /// Number of samples that are not of the filling.
+    fn scanned_samples(&self) -> usize {
+        match &self.merged {
+            None => self.voxels.len(),
+            Some(merged) => merged.kept.len(),
         }
     }
 
@@ -151,7 +194,7 @@ impl Scan {
                 .map(|&position| self.quantization.local(position)),
         );
         self.weights.resize(means.len(), weight_of(1));
-        self.samples = NeighborGrid::new(&means, SAMPLE_CELL_IN_FIT_RADII * options.fit_radius);
+        self.samples = samples_by_cell(&means, &self.field, options);
         self.filled = filled;
     }
 
@@ -163,9 +206,13 @@ impl Scan {
     /// Whether there is a point in the voxel of `position`.
     #[inline]
     pub(crate) fn is_occupied(&self, position: Local) -> bool {
-        self.voxels
-            .index_of(cell_of(position, self.voxel))
-            .is_some()
+        match &self.merged {
+            None => self
+                .voxels
+                .index_of(cell_of(position, self.voxel))
+                .is_some(),
+            Some(merged) => merged.cells.containing(position).next().is_some(),
+        }
     }
 
     /// The points, sorted by voxel.
@@ -190,9 +237,10 @@ impl Scan {
     #[inline]
     pub fn count(&self, index: u32) -> u32 {
         let voxel = index as usize;
-        match voxel < self.voxels.len() {
-            true => self.voxels.points_of(voxel).len() as u32,
-            false => 0,
+        match (voxel < self.scanned_samples(), &self.merged) {
+            (true, None) => self.voxels.points_of(voxel).len() as u32,
+            (true, Some(merged)) => merged.kept[voxel],
+            (false, _) => 0,
         }
     }
 
@@ -204,7 +252,7 @@ impl Scan {
 
     /// Number of points that sample `index` is the mean of, as nearly as its weight tells; 0 for the filling.
     pub(crate) fn points_of_sample(&self, index: u32) -> f64 {
-        match (index as usize) < self.voxels.len() {
+        match (index as usize) < self.scanned_samples() {
             true => points_of(self.weights[index as usize]),
             false => 0.0,
         }
@@ -226,6 +274,40 @@ impl Scan {
     pub fn representatives(&self) -> Vec<Stored> {
         let voxels = self.points_by_voxel();
         voxels.filter_map(|v| self.representative(v)).collect()
+    }
+}
+
+impl MergedVoxels {
+    /// Merges the `voxels` whose points have the `means`, and the sums `totals`, as the spacing of `field` says. Gives the
+    /// sums of the merged voxels beside them.
+    fn new(
+        means: &[Local],
+        totals: &[PointSum],
+        voxels: &OccupiedCells,
+        field: &SpacingField,
+    ) -> (Self, Vec<PointSum>) {
+        let (cells, order) = field.cells(means, 1.0 / VOXELS_PER_SPACING);
+        let (mut kept, mut sums) = (Vec::new(), Vec::new());
+        for range in cells.ranges() {
+            let mut sum = PointSum::default();
+            let mut count = 0;
+            for &voxel in &order[range] {
+                sum.merge(&totals[voxel as usize]);
+                count += voxels.points_of(voxel as usize).len() as u32;
+            }
+            kept.push(count);
+            sums.push(sum);
+        }
+        (Self { cells, kept }, sums)
+    }
+}
+
+/// The samples at `means` by the cells in which they are looked up.
+fn samples_by_cell(means: &[Local], field: &SpacingField, options: &SolverOptions) -> NeighborGrid {
+    let cell = SAMPLE_CELL_IN_FIT_RADII * options.fit_radius;
+    match field.is_constant() {
+        true => NeighborGrid::new(means, cell),
+        false => field.grid(means, cell / options.spacing),
     }
 }
 

@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 
 use super::{
-    thinned::{PointSum, ThinnedPoints},
+    thinned::{PointSum, PointTag, ThinnedPoints},
     thinning::Thinning,
 };
 use crate::{
@@ -47,20 +47,23 @@ fn on_patches(
     options: &SolverOptions,
 ) -> ThinnedPoints {
     let edge = options.smooth / CELLS_PER_RADIUS;
-    let means = points.sums.iter().map(|sum| (sum.mean(), sum.count));
-    let mut items: Vec<(Stored, u64)> = points.kept.iter().map(|&p| (p, 1)).collect();
+    let has_tags = !points.tags.is_empty();
+    let means = points.sums.iter().map(|sum| (sum.mean(), sum.count, None));
+    let kept = points.kept.iter().enumerate();
+    let kept = kept.map(|(index, &p)| (p, 1, points.tags.get(index).copied()));
+    let mut items: Vec<(Stored, u64, Option<PointTag>)> = kept.collect();
     items.extend(means);
     // Items are sorted within a cell, too: sums of floats must not depend on the order of files.
-    items.par_sort_unstable();
+    items.par_sort_unstable_by_key(|&(p, count, tag)| (p, count, tag.map(|tag| tag.rank())));
     let (cells, order) =
-        OccupiedCells::sort(&items, |&(p, _)| cell_of(quantization.local(p), edge));
+        OccupiedCells::sort(&items, |&(p, ..)| cell_of(quantization.local(p), edge));
     let ranges: Vec<_> = cells.ranges().collect();
     let means: Vec<Local> = ranges
         .par_iter()
         .map(|range| {
             let (mut sum, mut count) = (Local::zeros(), 0);
             for &index in &order[range.clone()] {
-                let (point, points) = items[index as usize];
+                let (point, points, _) = items[index as usize];
                 sum += quantization.local(point) * points as f64;
                 count += points;
             }
@@ -68,7 +71,7 @@ fn on_patches(
         })
         .collect();
     let grid = NeighborGrid::new(&means, 0.5 * options.smooth);
-    let moved: Vec<(Stored, u64)> = ranges
+    let moved: Vec<(Stored, u64, Option<PointTag>)> = ranges
         .into_par_iter()
         .zip(&means)
         .map_init(Vec::new, |near, (range, &mean)| {
@@ -76,20 +79,24 @@ fn on_patches(
             let patch = Patch::fit(mean, near, options.smooth, options.patch)
                 .filter(|patch| patch.describes(SURFACE_DETAIL_IN_RADII * options.smooth));
             let moved = |&index: &u32| {
-                let (point, points) = items[index as usize];
+                let (point, points, tag) = items[index as usize];
                 let foot = patch
                     .as_ref()
                     .and_then(|p| quantization.stored(p.foot_point(quantization.local(point))));
-                (foot.unwrap_or(point), points)
+                (foot.unwrap_or(point), points, tag)
             };
             order[range].iter().map(moved).collect::<Vec<_>>()
         })
         .flatten_iter()
         .collect();
     let mut smoothed = ThinnedPoints::default();
-    for (point, count) in moved {
-        match count {
-            1 => smoothed.kept.push(point),
+    for (point, count, tag) in moved {
+        match (count, tag) {
+            (1, Some(tag)) => {
+                smoothed.kept.push(point);
+                smoothed.tags.push(tag);
+            }
+            (1, None) if !has_tags => smoothed.kept.push(point),
             _ => smoothed.sums.push(PointSum::of_equal(point, count)),
         }
     }

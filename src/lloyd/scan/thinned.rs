@@ -68,6 +68,27 @@ pub(crate) struct ThinnedPoints {
     pub(crate) kept: Vec<Stored>,
     /// The sums of points that are not kept, any number to a voxel.
     pub(crate) sums: Vec<PointSum>,
+    /// What is known of each point that is kept; empty if the spacing is the same everywhere.
+    pub(crate) tags: Vec<PointTag>,
+}
+
+/// What rules for the spacing know of a point. Points at one position of which they know different things are
+/// different points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct PointTag {
+    /// The spacing that is wanted at the point, as a share of the coarsest; positive, and infinite if nothing is wanted.
+    pub(crate) share: f32,
+    /// The rules that look at the points around, too, and apply to the point by itself: one bit each.
+    pub(crate) open: u16,
+    /// Whether the point is one of the ground.
+    pub(crate) is_ground: bool,
+}
+
+impl PointTag {
+    /// Tags in an order: the finest comes first.
+    pub(super) fn rank(&self) -> (u32, u16, bool) {
+        (self.share.to_bits(), self.open, self.is_ground)
+    }
 }
 
 impl ThinnedPoints {
@@ -75,6 +96,7 @@ impl ThinnedPoints {
     pub(crate) fn append(&mut self, mut other: Self) {
         self.kept.append(&mut other.kept);
         self.sums.append(&mut other.sums);
+        self.tags.append(&mut other.tags);
     }
 
     /// Number of values: points and sums.
@@ -88,7 +110,7 @@ impl From<Vec<Stored>> for ThinnedPoints {
     fn from(kept: Vec<Stored>) -> Self {
         Self {
             kept,
-            sums: Vec::new(),
+            ..Self::default()
         }
     }
 }

@@ -19,7 +19,7 @@
 use std::cmp::Ordering;
 
 use super::{
-    thinned::{PointSum, ThinnedPoints},
+    thinned::{PointSum, PointTag, ThinnedPoints},
     voxel::voxel_edge,
 };
 use crate::{
@@ -80,17 +80,25 @@ impl Thinning {
     /// Unless there are fewer than 2³² points and sums.
     pub(crate) fn thinned(&self, points: ThinnedPoints) -> ThinnedPoints {
         let equal = |_, _| Ordering::Equal;
-        let (kept, sums) = self.thin(&points.kept, &points.sums, equal);
+        let (kept, sums) = self.thin(&points.kept, &points.tags, &points.sums, equal);
+        let tags = match points.tags.is_empty() {
+            true => Vec::new(),
+            false => kept
+                .iter()
+                .map(|&index| points.tags[index as usize])
+                .collect(),
+        };
         let kept = kept.iter().map(|&index| points.kept[index as usize]);
         ThinnedPoints {
             kept: kept.collect(),
             sums,
+            tags,
         }
     }
 
     /// The indices of those `points` that are kept, voxel by voxel, and the sums of all others,
     /// `sums` included, one to a voxel. Of equal points in a voxel with too many the one that
-    /// `order` puts first is kept.
+    /// `order` puts first is kept; points with different `tags`, which may be empty, are not equal.
     ///
     /// # Panics
     ///
@@ -98,6 +106,7 @@ impl Thinning {
     pub(crate) fn thin(
         &self,
         points: &[Stored],
+        tags: &[PointTag],
         sums: &[PointSum],
         order: impl Fn(u32, u32) -> Ordering,
     ) -> (Vec<u32>, Vec<PointSum>) {
@@ -122,7 +131,8 @@ impl Thinning {
             for &index in of_points {
                 let point = points[index as usize];
                 other.add(point);
-                best.consider(point.priority(self.seed), point, index, &order);
+                let tag = tags.get(index as usize).map(PointTag::rank);
+                best.consider((point.priority(self.seed), point, tag), index, &order);
             }
             best.leave_out_of(&mut other);
             kept.extend(best.indices());
@@ -155,9 +165,10 @@ pub(super) fn keep_first(
         if total.count > most as u64 {
             best.clear();
             for &point in &points[range] {
-                best.consider(point.priority(seed), point, 0, |_, _| Ordering::Equal);
+                let rank = (point.priority(seed), point, None);
+                best.consider(rank, 0, |_, _| Ordering::Equal);
             }
-            for &(_, point, _) in &best.first {
+            for &((_, point, _), _) in &best.first {
                 points[end] = point;
                 end += 1;
             }
@@ -176,56 +187,49 @@ pub(super) fn keep_first(
 /// The first few of the points that were considered, by priority; equal points count once.
 #[derive(Default)]
 struct Best {
-    /// Priority, point and index, in their order.
-    first: Vec<(u64, Stored, u32)>,
+    /// The ranks and indices, in their order.
+    first: Vec<(Rank, u32)>,
 }
+
+/// The priority of a point, the point, and the rank of its tag if it has one.
+type Rank = (u64, Stored, Option<(u32, u16, bool)>);
 
 impl Best {
     fn clear(&mut self) {
         self.first.clear();
     }
 
-    /// Considers `point`, which has this `index`. Of equal points the one that `order` puts first
+    /// Considers the point of this `rank` and `index`. Of equal points the one that `order` puts first
     /// stays.
     #[inline]
-    fn consider(
-        &mut self,
-        priority: u64,
-        point: Stored,
-        index: u32,
-        order: impl Fn(u32, u32) -> Ordering,
-    ) {
-        let rank = (priority, point);
-        if self.first.len() == MOST_IN_VOXEL && self.first.last().is_some_and(|l| (l.0, l.1) < rank)
-        {
+    fn consider(&mut self, rank: Rank, index: u32, order: impl Fn(u32, u32) -> Ordering) {
+        let is_full = self.first.len() == MOST_IN_VOXEL;
+        if is_full && self.first.last().is_some_and(|last| last.0 < rank) {
             return;
         }
-        match self
-            .first
-            .binary_search_by(|known| (known.0, known.1).cmp(&rank))
-        {
+        match self.first.binary_search_by(|known| known.0.cmp(&rank)) {
             Ok(at) => {
-                if order(index, self.first[at].2).is_lt() {
-                    self.first[at].2 = index;
+                if order(index, self.first[at].1).is_lt() {
+                    self.first[at].1 = index;
                 }
             }
             Err(at) => {
                 self.first.truncate(MOST_IN_VOXEL - 1);
-                self.first.insert(at, (priority, point, index));
+                self.first.insert(at, (rank, index));
             }
         }
     }
 
     /// Takes the points off the sum of all points.
     fn leave_out_of(&self, all: &mut PointSum) {
-        for (_, point, _) in &self.first {
+        for ((_, point, _), _) in &self.first {
             all.remove(*point);
         }
     }
 
     /// The points' indices.
     fn indices(&self) -> impl Iterator<Item = u32> + '_ {
-        self.first.iter().map(|&(_, _, index)| index)
+        self.first.iter().map(|&(_, index)| index)
     }
 }
 
@@ -323,7 +327,7 @@ mod tests {
     fn of_equal_points_the_first_by_the_order_is_kept() {
         let point = Stored { x: 5, y: 6, z: 7 };
         let thinning = Thinning::new(&QUANTIZATION, &SolverOptions::new(0.4));
-        let (kept, sums) = thinning.thin(&[point; 9], &[], |a, b| b.cmp(&a));
+        let (kept, sums) = thinning.thin(&[point; 9], &[], &[], |a, b| b.cmp(&a));
         assert_eq!(kept, [8]);
         assert_eq!(
             sums,

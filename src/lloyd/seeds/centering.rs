@@ -41,16 +41,18 @@ impl Election<'_> {
     /// Moves the seeds from number `first` on, which were elected among `points`, to the middle of
     /// the points around them.
     pub(super) fn center(&mut self, first: usize, points: &[Stored]) {
-        let spacing = self.surface.spacing();
+        let field = self.surface.field();
         let positions: Vec<Local> = points.par_iter().map(|&point| self.local(point)).collect();
-        let by_cell = NeighborGrid::new(&positions, POINT_CELL_IN_SPACINGS * spacing);
+        let by_cell = field.grid(&positions, POINT_CELL_IN_SPACINGS);
         for _ in 0..ROUNDS {
             let seeds = self.grid();
             let moves: Vec<Option<u32>> = self.seeds[first..]
                 .par_iter()
                 .with_max_len(ITEMS_PER_TASK)
                 .map_init(Surroundings::default, |around, &seed| {
-                    around.gather(self.local(seed), &seeds, &by_cell, spacing);
+                    let seed = self.local(seed);
+                    let spacing = field.at(seed);
+                    around.gather(seed, &seeds, &by_cell, spacing);
                     around.nearest_to(around.middle()?, spacing)
                 })
                 .collect();

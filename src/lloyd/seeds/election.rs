@@ -45,23 +45,38 @@ impl<'a> Election<'a> {
     /// The seeds so far, by cell.
     pub(super) fn grid(&self) -> NeighborGrid {
         let positions: Vec<Local> = self.seeds.iter().map(|&seed| self.local(seed)).collect();
-        NeighborGrid::new(&positions, self.surface.spacing())
+        self.surface.field().grid(&positions, 1.0)
+    }
+
+    /// The spacing at each of `positions` (CRS units).
+    pub(super) fn spacings(&self, positions: &[Local]) -> Vec<f64> {
+        let field = self.surface.field();
+        let positions = positions.par_iter().with_max_len(ITEMS_PER_TASK);
+        positions.map(|&position| field.at(position)).collect()
     }
 
     /// Elects candidates in the order of their ranks, equal ranks in the order of their
     /// priorities. A candidate within the election radius of a seed is passed over.
     pub(super) fn elect_in_order(&mut self, mut candidates: Vec<(u32, Stored)>) {
-        let radius = ELECTION_RADIUS_IN_SPACINGS * self.surface.spacing();
         let earlier = self.grid();
+        let radius_at = |point: Stored| {
+            ELECTION_RADIUS_IN_SPACINGS * self.surface.field().at(self.local(point))
+        };
         // Earlier seeds cover most candidates.
         candidates = candidates
             .into_par_iter()
             .with_max_len(ITEMS_PER_TASK)
-            .filter(|&(_, point)| !earlier.any_within(self.local(point), radius))
+            .filter(|&(_, point)| !earlier.any_within(self.local(point), radius_at(point)))
             .collect();
         candidates.par_sort_unstable_by_key(|&(rank, point)| (rank, self.priority(point), point));
         let positions: Vec<Local> = candidates.iter().map(|&(_, p)| self.local(p)).collect();
-        let grid = NeighborGrid::new(&positions, radius);
+        let grid = self
+            .surface
+            .field()
+            .grid(&positions, ELECTION_RADIUS_IN_SPACINGS);
+        let spacings = self.spacings(&positions);
+        // Of two different spacings the mean decides: it does not matter which of the two is elected first.
+        let widening = self.surface.field().widening(ELECTION_RADIUS_IN_SPACINGS);
         let mut is_covered = vec![false; candidates.len()];
         for (number, &(_, candidate)) in candidates.iter().enumerate() {
             if is_covered[number] {
@@ -69,7 +84,10 @@ impl<'a> Election<'a> {
             }
             self.seeds.push(candidate);
             let center = positions[number];
-            grid.visit_around(center, radius, |other, position| {
+            let reach = ELECTION_RADIUS_IN_SPACINGS * spacings[number] * widening;
+            grid.visit_around(center, reach, |other, position| {
+                let mean = 0.5 * (spacings[number] + spacings[other as usize]);
+                let radius = ELECTION_RADIUS_IN_SPACINGS * mean;
                 let squared = (position - center).norm_squared();
                 is_covered[other as usize] |= squared <= radius * radius;
             });

@@ -46,56 +46,61 @@ struct Uncovered {
     grid: NeighborGrid,
     /// The squared distance of each point to the nearest seed.
     nearest: Vec<f64>,
-    spacing: f64,
+    /// The spacing at each point (CRS units).
+    spacings: Vec<f64>,
+    /// The factor by which a spacing within the widest reach may be coarser.
+    widening: f64,
 }
 
 impl Uncovered {
     /// Takes the `points`, in the order of their priorities, for an election on `surface`.
     fn new(points: &[Distant], surface: Surface<'_>) -> Self {
-        let (quantization, spacing) = (surface.quantization(), surface.spacing());
+        let quantization = surface.quantization();
         let position = |&(point, _): &Distant| quantization.local(point);
         let positions: Vec<Local> = points.par_iter().map(position).collect();
         Self {
-            grid: NeighborGrid::new(&positions, spacing),
+            grid: surface.field().grid(&positions, 1.0),
             points: points.iter().map(|&(point, _)| point).collect(),
             nearest: points.iter().map(|&(_, nearest)| nearest).collect(),
+            spacings: positions
+                .par_iter()
+                .map(|&p| surface.field().at(p))
+                .collect(),
+            widening: surface.field().widening(NUCLEUS_DISTANCE_IN_SPACINGS),
             positions,
-            spacing,
         }
     }
 
-    /// The points whose squared distance is at least `covered` (CRS units squared).
-    fn left(&self, covered: f64) -> Vec<Distant> {
-        let all = self
-            .points
-            .iter()
-            .copied()
-            .zip(self.nearest.iter().copied());
-        all.filter(|&(_, nearest)| nearest >= covered).collect()
+    /// Whether the point with this `index` is at least `radius` spacings from the nearest seed.
+    fn is_beyond(&self, index: usize, radius: f64) -> bool {
+        self.nearest[index] >= (radius * self.spacings[index]).powi(2)
+    }
+
+    /// The points that are at least `radius` spacings from the nearest seed.
+    fn left(&self, radius: f64) -> Vec<Distant> {
+        let beyond = (0..self.points.len()).filter(|&index| self.is_beyond(index, radius));
+        let left = beyond.map(|index| (self.points[index], self.nearest[index]));
+        left.collect()
     }
 
     /// Takes note of a seed at the point with this `index`, for the points within `reach`
     /// (spacings).
     fn cover(&mut self, index: usize, reach: f64) {
-        let center = self.positions[index];
-        let nearest = &mut self.nearest;
-        self.grid
-            .visit_around(center, reach * self.spacing, |other, position| {
-                let known = &mut nearest[other as usize];
-                *known = known.min((position - center).norm_squared());
-            });
+        let (center, nearest) = (self.positions[index], &mut self.nearest);
+        let reach = reach * self.spacings[index] * self.widening;
+        self.grid.visit_around(center, reach, |other, position| {
+            let known = &mut nearest[other as usize];
+            *known = known.min((position - center).norm_squared());
+        });
     }
 }
 
 impl Election<'_> {
     /// Elects seeds among `points`, which lie on no surface and are sorted by voxel.
     pub(super) fn elect_loose(&mut self, points: &[Stored]) {
-        let spacing = self.surface.spacing();
-        let [farthest, covered] =
-            [NUCLEUS_DISTANCE_IN_SPACINGS, LOOSE_RADIUS_IN_SPACINGS].map(|r| (r * spacing).powi(2));
-        let mut uncovered = Uncovered::new(&self.uncovered(points, covered), self.surface);
+        let mut uncovered = Uncovered::new(&self.uncovered(points), self.surface);
         for index in 0..uncovered.points.len() {
-            if uncovered.nearest[index] >= farthest {
+            if uncovered.is_beyond(index, NUCLEUS_DISTANCE_IN_SPACINGS) {
                 self.seeds.push(uncovered.points[index]);
                 uncovered.cover(index, NUCLEUS_DISTANCE_IN_SPACINGS);
             }
@@ -105,16 +110,18 @@ impl Election<'_> {
         let endless = std::iter::repeat(f64::INFINITY);
         for width in RINGS_IN_SPACINGS.into_iter().chain(endless) {
             // Those that are covered by now would be in the way of all that follow.
-            let left = uncovered.left(covered);
+            let left = uncovered.left(LOOSE_RADIUS_IN_SPACINGS);
             if left.is_empty() {
                 return;
             }
             uncovered = Uncovered::new(&left, self.surface);
-            let limit = ((LOOSE_RADIUS_IN_SPACINGS + width) * spacing).powi(2);
-            let is_next = |&index: &usize| uncovered.nearest[index] <= limit;
+            let limit = LOOSE_RADIUS_IN_SPACINGS + width;
+            let is_next = |&index: &usize| {
+                uncovered.nearest[index] <= (limit * uncovered.spacings[index]).powi(2)
+            };
             let front: Vec<usize> = (0..left.len()).filter(is_next).collect();
             for index in front {
-                if uncovered.nearest[index] >= covered {
+                if uncovered.is_beyond(index, LOOSE_RADIUS_IN_SPACINGS) {
                     self.seeds.push(uncovered.points[index]);
                     uncovered.cover(index, widest);
                 }
@@ -122,25 +129,29 @@ impl Election<'_> {
         }
     }
 
-    /// The `points` whose squared distance to the nearest seed is at least `covered` (CRS units
-    /// squared), in the order of their priorities.
-    fn uncovered(&self, points: &[Stored], covered: f64) -> Vec<Distant> {
-        let spacing = self.surface.spacing();
+    /// The `points` that no seed covers, in the order of their priorities.
+    fn uncovered(&self, points: &[Stored]) -> Vec<Distant> {
+        let field = self.surface.field();
+        // Bricks are small beside the places where the spacing is finest, too.
+        let spacing = self.surface.options.finest_spacing();
+        let widening = field.widening(NUCLEUS_DISTANCE_IN_SPACINGS);
         let earlier = self.grid();
         let brick_of = |&point: &Stored| cell_of(self.local(point), BRICK_IN_SPACINGS * spacing);
         let mut left: Vec<(u64, Stored, f64)> = points
             .par_chunk_by(|a, b| brick_of(a) == brick_of(b))
             .map_init(Vec::new, |seeds, points| {
                 let [low, high] = bounding_box(points.iter().map(|&point| self.local(point)));
-                let reach = Local::repeat(NUCLEUS_DISTANCE_IN_SPACINGS * spacing);
+                let middle = (low + high) * 0.5;
+                let spacing_here = field.at(middle) * widening;
+                let reach = Local::repeat(NUCLEUS_DISTANCE_IN_SPACINGS * spacing_here);
                 seeds.clear();
                 earlier.visit_box(low - reach, high + reach, |_, seed| seeds.push(seed));
                 // Most points are covered by one of the seeds in the middle.
-                let middle = (low + high) * 0.5;
                 let from_middle = |seed: &Local| (seed - middle).norm_squared();
                 seeds.sort_unstable_by(|a, b| from_middle(a).total_cmp(&from_middle(b)));
                 let with_distance = |&point: &Stored| {
                     let position = self.local(point);
+                    let covered = (LOOSE_RADIUS_IN_SPACINGS * field.at(position)).powi(2);
                     let mut nearest = f64::INFINITY;
                     for seed in &*seeds {
                         nearest = nearest.min((seed - position).norm_squared());

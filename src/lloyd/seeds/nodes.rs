@@ -33,7 +33,6 @@ const SAME_NODE_IN_SPACINGS: f64 = 0.8;
 
 /// The lattices of a scan.
 pub(super) struct Nodes {
-    spacing: f64,
     lattices: LatticeCells,
 }
 
@@ -41,6 +40,8 @@ pub(super) struct Nodes {
 #[derive(Clone, Copy, Debug)]
 struct Candidate {
     lattice: Lattice,
+    /// The edge of the lattice (CRS units).
+    spacing: f64,
     /// The row and the column of the node.
     node: [i64; 2],
     /// Squared distance (spacings squared) from the line through the node along the normal.
@@ -52,7 +53,6 @@ impl Nodes {
     /// The lattices of `surface`, with edges of its spacing.
     pub(super) fn new(surface: Surface<'_>) -> Self {
         Self {
-            spacing: surface.spacing(),
             lattices: LatticeCells::new(surface),
         }
     }
@@ -65,21 +65,22 @@ impl Nodes {
     /// The nodes that lie on `surface`, moved onto its patches, each with the distance to the
     /// sample that it was found from (thousandths of a spacing).
     pub(super) fn on_surface(&self, surface: Surface<'_>) -> Vec<(u32, Stored)> {
-        let candidates = self.candidates(surface.scan.samples().points());
+        let candidates = self.candidates(surface);
         let above: Vec<Local> = candidates
             .iter()
-            .map(|own| own.lattice.moved_to_node(own.sample, self.spacing))
+            .map(|own| own.lattice.moved_to_node(own.sample, own.spacing))
             .collect();
         by_block(&above, surface, |samples, own| {
             let candidate = &candidates[own];
-            let position = self.on_patch(candidate, above[own], surface, samples)?;
+            let position = candidate.on_patch(above[own], surface, samples)?;
             let rank = (candidate.squared.sqrt() * 1e3) as u32;
             Some((rank, surface.quantization().stored(position)?))
         })
     }
 
-    /// For every node near a surface the sample nearest to it.
-    fn candidates(&self, samples: &[Local]) -> Vec<Candidate> {
+    /// For every node near a surface the sample nearest to it. Where the spacing varies from place to place there are no nodes.
+    fn candidates(&self, surface: Surface<'_>) -> Vec<Candidate> {
+        let samples = surface.scan.samples().points();
         let LatticeCells {
             cells,
             order,
@@ -91,14 +92,15 @@ impl Nodes {
             .into_par_iter()
             .filter_map(|(range, lattice)| Some((&order[range], (*lattice)?)))
             .map(|(indices, lattice)| {
-                self.candidates_of_cell(indices.iter().map(|&i| samples[i as usize]), lattice)
+                let in_cell = indices.iter().map(|&i| samples[i as usize]);
+                candidates_of_cell(in_cell, lattice, surface)
             })
             .flatten_iter()
             .collect();
         candidates.par_sort_unstable_by(Candidate::cmp);
         // Most nodes were found from more than one cell.
         let is_best = |own: &Candidate, others: &[Candidate]| {
-            let near = SAME_NODE_IN_SPACINGS * self.spacing;
+            let near = SAME_NODE_IN_SPACINGS * own.spacing;
             let is_own = |other: &Candidate| (other.sample - own.sample).norm() < near;
             !others
                 .iter()
@@ -106,61 +108,66 @@ impl Nodes {
                 .any(is_own)
         };
         candidates
-            .par_chunk_by(|a, b| a.node == b.node && a.lattice.key == b.lattice.key)
+            .par_chunk_by(|a, b| a.key() == b.key())
             .flat_map_iter(|found| found.iter().filter(|own| is_best(own, found)).copied())
             .collect()
     }
+}
 
-    /// For every node the nearest of the `samples` of a cell with this `lattice`.
-    fn candidates_of_cell(
-        &self,
-        samples: impl Iterator<Item = Local>,
-        lattice: Lattice,
-    ) -> Vec<Candidate> {
-        let mut best: Vec<Candidate> = Vec::new();
-        for sample in samples {
-            let nearest = lattice.nearest_node(sample, self.spacing);
-            let candidate = Candidate {
-                lattice,
-                node: nearest.index,
-                squared: nearest.squared(),
-                sample,
-            };
-            match best.iter_mut().find(|known| known.node == candidate.node) {
-                Some(known) if candidate.squared < known.squared => *known = candidate,
-                Some(_) => {}
-                None => best.push(candidate),
-            }
+/// For every node the nearest of the `samples` of a cell with this `lattice`.
+fn candidates_of_cell(
+    samples: impl Iterator<Item = Local>,
+    lattice: Lattice,
+    surface: Surface<'_>,
+) -> Vec<Candidate> {
+    let mut best: Vec<Candidate> = Vec::new();
+    for sample in samples {
+        let Some(spacing) = surface.field().wanted_at(sample) else {
+            continue;
+        };
+        let nearest = lattice.nearest_node(sample, spacing);
+        let candidate = Candidate {
+            lattice,
+            spacing,
+            node: nearest.index,
+            squared: nearest.squared(),
+            sample,
+        };
+        match best.iter_mut().find(|known| known.key() == candidate.key()) {
+            Some(known) if candidate.squared < known.squared => *known = candidate,
+            Some(_) => {}
+            None => best.push(candidate),
         }
-        best
     }
-
-    /// The node of `candidate` on the patch of `surface` at the position `above` it, if the
-    /// node is near the scan.
-    fn on_patch(
-        &self,
-        candidate: &Candidate,
-        above: Local,
-        surface: Surface<'_>,
-        samples: &mut Samples,
-    ) -> Option<Local> {
-        let mut fit = Fit::trusted(above, samples, surface.options)?;
-        // The patch may be tilted against the lattice: its foot is a little beside the node,
-        // and much less so the second time.
-        let foot = fit.patch.foot_point(above);
-        let node = candidate.lattice.moved_to_node(foot, self.spacing);
-        let position = fit.patch.foot_point(node);
-        fit.allows(position, surface).then_some(position)
-    }
+    best
 }
 
 impl Candidate {
+    /// The node of the candidate on the patch of `surface` at the position `above` it, if the
+    /// node is near the scan.
+    fn on_patch(&self, above: Local, surface: Surface<'_>, samples: &mut Samples) -> Option<Local> {
+        let options = surface.options_at(above);
+        let surface = surface.with(&options);
+        let mut fit = Fit::trusted(above, samples, &options)?;
+        // The patch may be tilted against the lattice: its foot is a little beside the node,
+        // and much less so the second time.
+        let foot = fit.patch.foot_point(above);
+        let node = self.lattice.moved_to_node(foot, self.spacing);
+        let position = fit.patch.foot_point(node);
+        fit.allows(position, surface).then_some(position)
+    }
+
+    /// What tells nodes apart.
+    #[inline]
+    fn key(&self) -> ([i8; 4], [i64; 2], u64) {
+        (self.lattice.key, self.node, self.spacing.to_bits())
+    }
+
     /// The order by lattice, node, and distance from the node.
     fn cmp(&self, other: &Self) -> Ordering {
         let coordinates = |candidate: &Self| -> [f64; 3] { candidate.sample.into() };
-        let key = |candidate: &Self| (candidate.lattice.key, candidate.node);
-        key(self)
-            .cmp(&key(other))
+        self.key()
+            .cmp(&other.key())
             .then(self.squared.total_cmp(&other.squared))
             .then_with(|| {
                 let [own, other] = [self, other].map(coordinates);

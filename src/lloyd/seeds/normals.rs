@@ -1,14 +1,15 @@
 //! The lattice of every part of the scan, by the normals of its surfaces.
 
-use std::ops::{ControlFlow, Range};
+use std::ops::Range;
 
 use rayon::prelude::*;
 
 use super::lattice::Lattice;
 use crate::{
-    geometry::{CellIndex, Local, OccupiedCells, Patch, PatchKind, cell_of},
+    geometry::{LayeredCells, Local, Patch, PatchKind},
     lloyd::{
-        step::{BLOCK_EDGE_IN_SPACINGS, BLOCKS_PER_TASK, Samples},
+        blocks::in_blocks,
+        step::{BLOCKS_PER_TASK, Samples},
         surface::{Surface, bounding_box},
     },
 };
@@ -29,9 +30,7 @@ const LEAST_ROUNDNESS: f64 = 0.3;
 
 /// The samples of a scan by cell, and the lattice of each cell.
 pub(super) struct LatticeCells {
-    /// Edge of a cell (CRS units).
-    edge: f64,
-    pub(super) cells: OccupiedCells,
+    pub(super) cells: LayeredCells,
     /// The indices of the samples, sorted by cell.
     pub(super) order: Vec<u32>,
     /// The lattice of each occupied cell; `None` where the cell has no normal.
@@ -41,9 +40,8 @@ pub(super) struct LatticeCells {
 impl LatticeCells {
     /// The lattices of all cells, from the normals of `surface`.
     pub(super) fn new(surface: Surface<'_>) -> Self {
-        let edge = NORMAL_CELL_IN_SPACINGS * surface.spacing();
         let samples = surface.scan.samples().points();
-        let (cells, order) = OccupiedCells::sort(samples, |&p| cell_of(p, edge));
+        let (cells, order) = surface.field().cells(samples, NORMAL_CELL_IN_SPACINGS);
         let ranges: Vec<_> = cells.ranges().collect();
         let mean = |range: &Range<usize>| {
             let in_cell = order[range.clone()]
@@ -52,13 +50,13 @@ impl LatticeCells {
             in_cell.sum::<Local>() / range.len() as f64
         };
         let middles: Vec<Local> = ranges.par_iter().map(mean).collect();
-        let normals = normals(&middles, edge, surface);
-        let lattices = normals
-            .par_iter()
-            .map(|&(index, own)| Some(Lattice::across(averaged(index, own?, &cells, &normals))))
-            .collect();
+        let normals = normals(&middles, surface);
+        let lattice = |(cell, own): (usize, &Option<Local>)| {
+            let normal = averaged(cell, middles[cell], (*own)?, &cells, &normals);
+            Some(Lattice::across(normal))
+        };
+        let lattices = normals.par_iter().enumerate().map(lattice).collect();
         Self {
-            edge,
             cells,
             order,
             lattices,
@@ -67,19 +65,16 @@ impl LatticeCells {
 
     /// Whether there is a lattice, and so a surface, at `position`.
     pub(super) fn have(&self, position: Local) -> bool {
-        let cell = self.cells.index_of(cell_of(position, self.edge));
-        cell.is_some_and(|cell| self.lattices[cell].is_some())
+        let mut cells = self.cells.containing(position);
+        cells.any(|cell| self.lattices[cell].is_some())
     }
 }
 
-/// The cells of the positions `middles`, and the normal of the surface there if there is one.
-fn normals(middles: &[Local], edge: f64, surface: Surface<'_>) -> Vec<(CellIndex, Option<Local>)> {
-    let mut normals: Vec<(CellIndex, Option<Local>)> = middles
-        .iter()
-        .map(|&middle| (cell_of(middle, edge), None))
-        .collect();
+/// The normal of the surface at each of the positions `middles`, if there is one.
+fn normals(middles: &[Local], surface: Surface<'_>) -> Vec<Option<Local>> {
+    let mut normals = vec![None; middles.len()];
     let normal = |samples: &mut Samples, own: usize| {
-        let radius = surface.options.fit_radius;
+        let radius = surface.options_at(middles[own]).fit_radius;
         let (near, _, _) = samples.in_ball(middles[own], radius);
         let patch = Patch::fit(middles[own], near, radius, PatchKind::Plane)?;
         let is_flat = patch.residual <= LARGEST_RESIDUAL_IN_FIT_RADII * radius
@@ -87,30 +82,28 @@ fn normals(middles: &[Local], edge: f64, surface: Surface<'_>) -> Vec<(CellIndex
         is_flat.then(|| (own, patch.normal()))
     };
     for (own, normal) in by_block(middles, surface, normal) {
-        normals[own].1 = Some(normal);
+        normals[own] = Some(normal);
     }
     normals
 }
 
-/// The sum of the normals of the same surface around the cell `index` with the normal `own`:
-/// noise must not scatter lattices over a surface.
+/// The sum of the normals of the same surface around the cell with the index `cell`, the position `inside` it and the normal
+/// `own`: noise must not scatter lattices over a surface.
 fn averaged(
-    index: CellIndex,
+    cell: usize,
+    inside: Local,
     own: Local,
-    cells: &OccupiedCells,
-    normals: &[(CellIndex, Option<Local>)],
+    cells: &LayeredCells,
+    normals: &[Option<Local>],
 ) -> Local {
     let mut sum = Local::zeros();
-    let reach = [-AVERAGE_REACH_IN_CELLS, AVERAGE_REACH_IN_CELLS];
-    let [low, high] = reach.map(|reach| index.map(|c| c.saturating_add(reach)));
-    let _ = cells.visit_box(low, high, |cell| {
-        if let Some(other) = normals[cell].1 {
+    cells.visit_layer_around(cell, inside, AVERAGE_REACH_IN_CELLS, |cell| {
+        if let Some(other) = normals[cell] {
             let cosine = own.dot(&other);
             if cosine.abs() >= SAME_SURFACE_COSINE {
                 sum += other * cosine.signum();
             }
         }
-        ControlFlow::<()>::Continue(())
     });
     sum
 }
@@ -122,16 +115,15 @@ pub(super) fn by_block<T: Send>(
     surface: Surface<'_>,
     work: impl Fn(&mut Samples, usize) -> Option<T> + Sync,
 ) -> Vec<T> {
-    let edge = BLOCK_EDGE_IN_SPACINGS * surface.spacing();
-    let (blocks, order) = OccupiedCells::sort(positions, |&position| cell_of(position, edge));
-    let blocks: Vec<_> = blocks.ranges().collect();
+    let (blocks, order) = in_blocks(positions, surface.field());
     blocks
         .into_par_iter()
         .with_max_len(BLOCKS_PER_TASK)
         .map_init(Samples::default, |samples, block| {
             let in_block = || order[block.clone()].iter().map(|&own| own as usize);
             let [low, high] = bounding_box(in_block().map(|own| positions[own]));
-            samples.gather_box(surface, low, high);
+            let coarsest = surface.coarsest_options(in_block().map(|own| positions[own]));
+            samples.gather_box(surface.with(&coarsest), low, high);
             in_block()
                 .filter_map(|own| work(samples, own))
                 .collect::<Vec<_>>()

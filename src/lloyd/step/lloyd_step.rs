@@ -31,6 +31,16 @@ pub(crate) struct Iteration<'a> {
     pub(crate) seeks_facets: bool,
 }
 
+impl<'a> Iteration<'a> {
+    /// The iteration for a site by whose options `surface` is.
+    pub(crate) fn on<'b>(self, surface: Surface<'b>) -> Iteration<'b>
+    where
+        'a: 'b,
+    {
+        Iteration { surface, ..self }
+    }
+}
+
 /// The result of the last Lloyd step of one site.
 #[derive(Clone, Serialize, Deserialize)]
 pub(crate) struct Step {
@@ -241,9 +251,15 @@ impl Step {
             .filter(|n| n.distance_squared <= security)
             .all(|n| was_exact[n.index as usize])
             && cone.has_right_sites(position, radius, surface.quantization());
-        let Some(moments) = moments else {
+        let Some(mut moments) = moments else {
             return;
         };
+        // Where the spacing varies, the centroid is that by the density.
+        if !surface.field().is_constant() {
+            let density = |place| surface.field().density_at(place);
+            let shift = cell.shift_by_density(&fit.patch, position, density);
+            moments.centroid += shift.unwrap_or_else(Local::zeros);
+        }
         if let Some(followed) = FollowedCell::new(fit, &moments, vicinity) {
             self.is_followed = true;
             put(&mut self.followed, Some(followed));

@@ -10,6 +10,7 @@ mod neighborhoods;
 mod restriction;
 mod samples;
 mod scratch;
+mod site_spacings;
 mod vicinity;
 
 pub(super) use fit::{Fit, SHEET_THICKNESS_IN_SPACINGS};
@@ -19,4 +20,5 @@ pub(super) use neighborhoods::{BLOCK_EDGE_IN_SPACINGS, BLOCKS_PER_TASK, Neighbor
 pub use restriction::Restriction;
 pub(super) use samples::Samples;
 pub(super) use scratch::Scratch;
+pub(super) use site_spacings::SiteSpacings;
 pub(super) use vicinity::{Vicinity, clearance};

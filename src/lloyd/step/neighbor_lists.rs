@@ -4,9 +4,10 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::site_spacings::SiteSpacings;
 use crate::{
     geometry::{ITEMS_PER_TASK, Local, NeighborGrid},
-    lloyd::surface::bounding_box,
+    lloyd::{field::SpacingField, surface::bounding_box},
 };
 
 /// Blocks that a thread takes at a time.
@@ -36,12 +37,17 @@ pub(super) struct Lists {
 impl Lists {
     /// Lists all others within a near radius and a skin of each of the sites, which lie block
     /// by block.
-    pub(super) fn new(positions: Vec<Local>, blocks: &[Range<usize>], spacing: f64) -> Self {
-        let grid = NeighborGrid::new(&positions, SITE_CELL_IN_SPACINGS * spacing);
-        let radius = (NEAR_IN_SPACINGS + SKIN_IN_SPACINGS) * spacing;
+    pub(super) fn new(
+        positions: Vec<Local>,
+        blocks: &[Range<usize>],
+        spacings: &SiteSpacings,
+        field: &SpacingField,
+    ) -> Self {
+        let grid = field.grid(&positions, SITE_CELL_IN_SPACINGS);
+        let radius_at = |spacing: f64| (NEAR_IN_SPACINGS + SKIN_IN_SPACINGS) * spacing;
         let of_block = |around: &mut Vec<(u32, Local)>, block: &Range<usize>| {
             let [low, high] = bounding_box(positions[block.clone()].iter().copied());
-            let reach = Local::repeat(radius);
+            let reach = Local::repeat(radius_at(spacings.coarsest_of(block)));
             around.clear();
             grid.visit_box(low - reach, high + reach, |other, position| {
                 around.push((other, position));
@@ -51,6 +57,7 @@ impl Lists {
             let (mut counts, mut others) = (Vec::with_capacity(block.len()), Vec::new());
             near.resize(around.len(), 0);
             for site in block.clone() {
+                let radius = radius_at(spacings.of(site));
                 // Every word is written, and stays if its site is near: no branch is mispredicted.
                 let mut count = 0;
                 for &(other, position) in &*around {

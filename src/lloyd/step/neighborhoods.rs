@@ -14,10 +14,13 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 pub(crate) use super::neighbor_lists::{BLOCKS_PER_TASK, NEAR_IN_SPACINGS};
-use super::neighbor_lists::{Lists, SITE_CELL_IN_SPACINGS, SKIN_IN_SPACINGS};
+use super::{
+    neighbor_lists::{Lists, SITE_CELL_IN_SPACINGS, SKIN_IN_SPACINGS},
+    site_spacings::SiteSpacings,
+};
 use crate::{
     geometry::{Local, Neighbor, NeighborGrid},
-    lloyd::surface::bounding_box,
+    lloyd::{field::SpacingField, surface::bounding_box},
 };
 
 /// Edge of a block. The sites of a block find their neighbours and their samples together.
@@ -25,6 +28,9 @@ pub(crate) const BLOCK_EDGE_IN_SPACINGS: f64 = 2.4;
 
 /// Lists are made anew when there are more strays than one in this many sites.
 const SITES_PER_STRAY: usize = 50;
+
+/// Radius within which the sites of a list are.
+const LISTED_IN_SPACINGS: f64 = NEAR_IN_SPACINGS + SKIN_IN_SPACINGS;
 
 /// Room for the far list of a site of a surface.
 const USUAL_FAR_COUNT: usize = 32;
@@ -40,7 +46,9 @@ pub(crate) struct FarList {
 
 /// The sites of a cloud, and what is near each.
 pub(crate) struct Neighborhoods {
-    spacing: f64,
+    spacings: SiteSpacings,
+    /// The factor by which the spacing of a listed site may be coarser than that of the site that has the list.
+    widening: f64,
     /// The positions of the sites.
     positions: Vec<Local>,
     /// The last move of each site (CRS units).
@@ -59,25 +67,31 @@ pub(crate) struct Neighborhoods {
 }
 
 impl Neighborhoods {
-    /// Neighbourhoods of sites at `positions`, which lie block by block.
-    pub(crate) fn new(positions: Vec<Local>, blocks: Vec<Range<usize>>, spacing: f64) -> Self {
+    /// Neighbourhoods of sites at `positions`, which lie block by block, with the spacings of `field`.
+    pub(crate) fn new(
+        positions: Vec<Local>,
+        blocks: Vec<Range<usize>>,
+        field: &SpacingField,
+    ) -> Self {
+        let spacings = SiteSpacings::new(&positions, field);
         Self {
-            spacing,
-            lists: Lists::new(positions.clone(), &blocks, spacing),
+            lists: Lists::new(positions.clone(), &blocks, &spacings, field),
+            spacings,
+            widening: field.widening(LISTED_IN_SPACINGS),
             version: 1,
             moves: vec![Local::zeros(); positions.len()],
             lengths: vec![0.0; positions.len()],
             positions,
             blocks,
             strays: Vec::new(),
-            strayed: NeighborGrid::new(&[], SITE_CELL_IN_SPACINGS * spacing),
+            strayed: field.grid(&[], SITE_CELL_IN_SPACINGS),
         }
     }
 
     /// The neighbourhoods of sites whose last moves (CRS units) were `moves`.
     pub(crate) fn after(mut self, moves: Vec<Local>) -> Self {
-        let length = |way| length_in_spacings(way, self.spacing);
-        self.lengths = moves.iter().map(length).collect();
+        let length = |(site, way)| length_in_spacings(way, self.spacings.of(site));
+        self.lengths = moves.iter().enumerate().map(length).collect();
         self.moves = moves;
         self
     }
@@ -88,10 +102,10 @@ impl Neighborhoods {
         &self.positions
     }
 
-    /// The spacing of the run (CRS units).
+    /// The spacing at each site.
     #[inline]
-    pub(crate) fn spacing(&self) -> f64 {
-        self.spacing
+    pub(crate) fn spacings(&self) -> &SiteSpacings {
+        &self.spacings
     }
 
     /// The blocks, as ranges of the sites.
@@ -99,23 +113,27 @@ impl Neighborhoods {
         &self.blocks
     }
 
-    /// Moves the sites to `positions`.
-    pub(crate) fn move_to(&mut self, positions: Vec<Local>) {
-        let spacing = self.spacing;
+    /// Moves the sites to `positions`, with the spacings of `field`.
+    pub(crate) fn move_to(&mut self, positions: Vec<Local>, field: &SpacingField) {
+        // Lengths are in the spacings at the new positions, which are all that the next round knows.
+        self.spacings.follow(&self.positions, &positions, field);
+        let spacings = &self.spacings;
         self.moves
             .par_iter_mut()
             .zip(&mut self.lengths)
             .zip(positions.par_iter().zip(&self.positions))
-            .for_each(|((way, length), (now, before))| {
+            .enumerate()
+            .for_each(|(site, ((way, length), (now, before)))| {
                 *way = now - before;
-                *length = length_in_spacings(way, spacing);
+                *length = length_in_spacings(way, spacings.of(site));
             });
         self.positions = positions;
         let has_strayed = |&site: &u32| self.has_strayed(site, self.lists.positions[site as usize]);
         let sites = 0..self.positions.len() as u32;
         self.strays = sites.into_par_iter().filter(has_strayed).collect();
         if self.strays.len() > self.positions.len() / SITES_PER_STRAY {
-            self.lists = Lists::new(self.positions.clone(), &self.blocks, self.spacing);
+            let positions = self.positions.clone();
+            self.lists = Lists::new(positions, &self.blocks, &self.spacings, field);
             self.version += 1;
             self.strays.clear();
         }
@@ -124,13 +142,14 @@ impl Neighborhoods {
             .iter()
             .map(|&k| self.positions[k as usize])
             .collect();
-        self.strayed = NeighborGrid::new(&strayed, SITE_CELL_IN_SPACINGS * self.spacing);
+        self.strayed = field.grid(&strayed, SITE_CELL_IN_SPACINGS);
     }
 
     /// Whether `site`, which was at `listed` when the lists were made, has moved farther than
     /// half the skin.
     fn has_strayed(&self, site: u32, listed: Local) -> bool {
-        let skin = 0.5 * SKIN_IN_SPACINGS * self.spacing;
+        // The lists of finer sites around it count on it, too.
+        let skin = 0.5 * SKIN_IN_SPACINGS * self.spacings.of(site as usize) / self.widening;
         (self.positions[site as usize] - listed).norm_squared() > skin * skin
     }
 
@@ -180,7 +199,7 @@ impl Neighborhoods {
         let Some(listed) = self.listed(site, strays) else {
             return false;
         };
-        let near = (NEAR_IN_SPACINGS * self.spacing).powi(2);
+        let near = (NEAR_IN_SPACINGS * self.spacings.of(site)).powi(2);
         neighbors.clear();
         neighbors.extend(
             listed
@@ -200,7 +219,8 @@ impl Neighborhoods {
     ) {
         found.clear();
         let [low, high] = bounding_box(self.positions[block.clone()].iter().copied());
-        let reach = Local::repeat(radius + 0.5 * SKIN_IN_SPACINGS * self.spacing);
+        let skin = 0.5 * SKIN_IN_SPACINGS * self.spacings.coarsest_of(block) * self.widening;
+        let reach = Local::repeat(radius + skin);
         let grid = &self.lists.grid;
         grid.visit_box(low - reach, high + reach, |site, listed| {
             if !self.has_strayed(site, listed) {
@@ -224,7 +244,8 @@ impl Neighborhoods {
         let mut found = Vec::new();
         let positions = self.lists.positions[block.clone()].iter().copied();
         let [low, high] = bounding_box(positions);
-        let reach = Local::repeat(radius + SKIN_IN_SPACINGS * self.spacing);
+        let skin = SKIN_IN_SPACINGS * self.spacings.coarsest_of(block) * self.widening;
+        let reach = Local::repeat(radius + skin);
         self.lists
             .grid
             .visit_box(low - reach, high + reach, |site, position| {
@@ -242,8 +263,9 @@ impl Neighborhoods {
         radius: f64,
         listed: &[(u32, Local)],
     ) {
-        let skin = SKIN_IN_SPACINGS * self.spacing;
-        let [least, most] = [NEAR_IN_SPACINGS * self.spacing - skin, radius + skin];
+        let spacing = self.spacings.of(site);
+        let skin = SKIN_IN_SPACINGS * spacing;
+        let [least, most] = [NEAR_IN_SPACINGS * spacing - skin, radius + skin];
         let position = self.lists.positions[site];
         let is_far = |&&(_, other): &&(u32, Local)| {
             let squared = (other - position).norm_squared();
@@ -295,7 +317,8 @@ mod tests {
             .collect();
         positions[1] = positions[0];
         let blocks = (0..n as usize).step_by(10).map(|k| k..k + 10).collect();
-        let mut sites = Neighborhoods::new(positions.clone(), blocks, 1.0);
+        let field = SpacingField::constant(1.0);
+        let mut sites = Neighborhoods::new(positions.clone(), blocks, &field);
         let mut met_strays = 0;
         for round in 1..8_u64 {
             // All sites move a little, some far.
@@ -304,7 +327,7 @@ mod tests {
                 let way = |axis| roll(spread(round) ^ (3 * k + axis)) - 0.5;
                 *position += Local::new(way(0), way(1), way(2)) * far;
             }
-            sites.move_to(positions.clone());
+            sites.move_to(positions.clone(), &field);
             met_strays += sites.strays.len();
             let (mut found, mut around, mut all) = (Vec::new(), Vec::new(), Vec::new());
             for own in 0..positions.len() {

@@ -56,7 +56,7 @@ impl Scratch {
         self.reach = 0.0;
         self.far_strays = None;
         self.listed = None;
-        let radius = NEAR_IN_SPACINGS * neighborhoods.spacing();
+        let radius = NEAR_IN_SPACINGS * neighborhoods.spacings().coarsest_of(block);
         neighborhoods.strays_around(block, radius, &mut self.strays);
     }
 

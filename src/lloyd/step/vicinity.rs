@@ -61,7 +61,7 @@ pub(crate) struct Vicinity<'a> {
     pub(crate) site: usize,
     /// The position of the site.
     pub(crate) position: Local,
-    /// The spacing of the output (CRS units).
+    /// The spacing at the site (CRS units).
     pub(crate) spacing: f64,
     /// The step does not bring the site nearer to another than this (CRS units).
     pub(crate) clearance: f64,
@@ -79,12 +79,19 @@ pub(crate) struct Vicinity<'a> {
 }
 
 impl Vicinity<'_> {
+    /// The coarsest spacing at the sites of the block (CRS units).
+    fn coarsest_of_block(&self) -> f64 {
+        self.neighborhoods.spacings().coarsest_of(&self.block)
+    }
+
     /// Collects the samples around the whole block, for all its patches to come.
     pub(super) fn gather_samples(&mut self, surface: Surface<'_>) {
         if !self.scratch.has_samples {
             let positions = &self.neighborhoods.positions()[self.block.clone()];
             let [low, high] = bounding_box(positions.iter().copied());
-            self.scratch.samples.gather_box(surface, low, high);
+            let options = surface.options.at(self.coarsest_of_block());
+            let samples = &mut self.scratch.samples;
+            samples.gather_box(surface.with(&options), low, high);
             self.scratch.has_samples = true;
         }
     }
@@ -211,6 +218,7 @@ impl Vicinity<'_> {
     /// within `radius` (CRS units), by the `list` of the site.
     fn find_far(&mut self, radius: f64, list: &mut FarList) {
         let (neighborhoods, site) = (self.neighborhoods, self.site);
+        let around_block = FAR_IN_SPACINGS * self.coarsest_of_block();
         let near = (NEAR_IN_SPACINGS * self.spacing).powi(2);
         let Scratch {
             neighbors,
@@ -226,13 +234,13 @@ impl Vicinity<'_> {
         let reach = FAR_IN_SPACINGS * self.spacing;
         let far_strays = far_strays.get_or_insert_with(|| {
             let mut found = Vec::new();
-            neighborhoods.strays_around(&self.block, reach, &mut found);
+            neighborhoods.strays_around(&self.block, around_block, &mut found);
             found
         });
         if neighborhoods.is_outdated(list) {
             // Other sites of the block will need them, too.
-            let listed =
-                listed.get_or_insert_with(|| neighborhoods.listed_around(&self.block, reach));
+            let listed = listed
+                .get_or_insert_with(|| neighborhoods.listed_around(&self.block, around_block));
             neighborhoods.renew(list, site, reach, listed);
         }
         let others = neighborhoods.far(list, far_strays);
@@ -253,6 +261,7 @@ impl Vicinity<'_> {
     /// Adds to the neighbours all other sites within `radius` (CRS units) for whose squared
     /// distance `is_wanted` is true.
     fn find_within(&mut self, radius: f64, is_wanted: impl Fn(f64) -> bool) {
+        let around_block = FAR_IN_SPACINGS * self.coarsest_of_block();
         let Scratch {
             neighbors,
             sites,
@@ -261,7 +270,7 @@ impl Vicinity<'_> {
         } = &mut *self.scratch;
         if radius > *reach {
             // Other sites of the block will need them, too.
-            *reach = radius.max(FAR_IN_SPACINGS * self.spacing);
+            *reach = radius.max(around_block);
             self.neighborhoods.all_around(&self.block, *reach, sites);
         }
         let others = sites
