@@ -145,3 +145,14 @@ pub(crate) struct Choices {
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(crate) overwrite: bool,
 }
+
+#[cfg(test)]
+impl Choices {
+    /// The choice of a spacing alone, in CRS units.
+    pub(super) fn with_spacing(spacing: f64) -> Self {
+        Self {
+            spacing: Some(Length::plain(spacing)),
+            ..Self::default()
+        }
+    }
+}

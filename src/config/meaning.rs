@@ -277,17 +277,10 @@ mod tests {
     use super::*;
     use crate::spacing::Target;
 
-    fn choices(spacing: f64) -> Choices {
-        Choices {
-            spacing: Some(Length::plain(spacing)),
-            ..Choices::default()
-        }
-    }
-
     #[test]
     fn a_spacing_that_is_no_length_is_refused() {
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            let error = choices(bad).settings(None).unwrap_err();
+            let error = Choices::with_spacing(bad).settings(None).unwrap_err();
             assert!(error.to_string().starts_with("--spacing"), "{error}");
         }
     }

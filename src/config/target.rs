@@ -129,22 +129,15 @@ mod tests {
     use super::*;
     use crate::config::Length;
 
-    fn choices(spacing: f64) -> Choices {
-        Choices {
-            spacing: Some(Length::plain(spacing)),
-            ..Choices::default()
-        }
-    }
-
     #[test]
     fn exactly_one_target_is_wanted() {
         assert!(Choices::default().settings(None).is_err());
         let two = Choices {
             ratio: "0.5".parse().ok(),
-            ..choices(1.0)
+            ..Choices::with_spacing(1.0)
         };
         assert!(two.settings(None).is_err());
-        assert!(choices(1.0).settings(None).is_ok());
+        assert!(Choices::with_spacing(1.0).settings(None).is_ok());
     }
 
     #[test]
@@ -177,7 +170,7 @@ mod tests {
         let gradation = |gradation, spacing_of| Choices {
             gradation: Some(gradation),
             spacing_of,
-            ..choices(1.0)
+            ..Choices::with_spacing(1.0)
         };
         let rules = || Some(vec!["class=2:0.5".into()]);
         let error = |choices: Choices| choices.settings(None).unwrap_err().to_string();
@@ -192,7 +185,7 @@ mod tests {
         }
         let missing = Choices {
             density: Some("none/rules.toml".into()),
-            ..choices(1.0)
+            ..Choices::with_spacing(1.0)
         };
         assert!(!missing.has_units());
         let error = error(missing);

@@ -75,7 +75,8 @@ pub(super) fn are_isolated(
 
     // Thin seeds among thin ones, however many. What is quick to find out comes first: hardly a seed of a surface is left
     // when surroundings are looked at.
-    let seeds = seeds_by_cell(positions, surface);
+    let (field, link) = (surface.field(), surface.options.link());
+    let seeds = field.grid_of_edge(positions, link);
     let linked = |seed: usize| linked_to(&seeds, positions[seed], link_at(seed));
     let own: Vec<f64> = (positions.par_iter().with_max_len(ITEMS_PER_TASK))
         .map(|&seed| own_points(surface.with(&surface.options_at(seed)), &[seed]))
@@ -100,7 +101,7 @@ pub(super) fn are_isolated(
     let others: Vec<Local> = others
         .filter_map(|(&p, &is_adrift)| (!is_adrift).then_some(p))
         .collect();
-    let seeds = seeds_by_cell(&others, surface);
+    let seeds = field.grid_of_edge(&others, link);
     of_all(&|seed| {
         let is_in_a_small_group = || {
             let options = surface.options_at(positions[seed]);
@@ -109,15 +110,6 @@ pub(super) fn are_isolated(
         };
         matters(seed) && (adrift[seed] || is_in_a_small_group())
     })
-}
-
-/// The seeds at `positions` by cells in which those that are linked are looked up.
-fn seeds_by_cell(positions: &[Local], surface: Surface<'_>) -> NeighborGrid {
-    let (field, link) = (surface.field(), surface.options.link());
-    match field.is_constant() {
-        true => NeighborGrid::new(positions, link),
-        false => field.grid(positions, link / surface.spacing()),
-    }
 }
 
 /// Whether the seed at `position` lies on a plane through the seeds around it.

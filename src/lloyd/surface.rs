@@ -31,21 +31,13 @@ impl<'a> Surface<'a> {
     /// The options at `position`.
     #[inline]
     pub(super) fn options_at(&self, position: Local) -> SolverOptions {
-        match self.field().is_constant() {
-            true => *self.options,
-            false => self.options.at(self.field().at(position)),
-        }
+        self.options.at(self.field().at(position))
     }
 
     /// The options at that of `positions` where the spacing is coarsest.
     pub(super) fn coarsest_options(&self, positions: impl Iterator<Item = Local>) -> SolverOptions {
-        match self.field().is_constant() {
-            true => *self.options,
-            false => {
-                let spacings = positions.map(|position| self.field().at(position));
-                self.options.at(spacings.fold(0.0, f64::max))
-            }
-        }
+        let spacings = positions.map(|position| self.field().at(position));
+        self.options.at(spacings.fold(0.0, f64::max))
     }
 
     /// The surface by the options where the spacing is `spacing` (CRS units); they are put into `place` if they differ.

@@ -126,6 +126,12 @@ impl SpacingField {
         }
     }
 
+    /// The spacing at each of `positions` (CRS units).
+    pub(crate) fn at_all(&self, positions: &[Local]) -> Vec<f64> {
+        let positions = positions.par_iter().with_max_len(ITEMS_PER_TASK);
+        positions.map(|&position| self.at(position)).collect()
+    }
+
     /// The spacing at `position` (CRS units), if it is one that is wanted there, and has not grown from a finer one.
     #[inline]
     pub(crate) fn wanted_at(&self, position: Local) -> Option<f64> {
@@ -151,61 +157,77 @@ impl SpacingField {
         (self.coarsest / self.at(position)).powi(4)
     }
 
-    /// The number of the layer for places with this `spacing` (CRS units).
-    pub(crate) fn layer_of(&self, spacing: f64) -> u8 {
-        self.graded
-            .as_ref()
-            .map_or(0, |graded| layer_of(&graded.layers, spacing))
-    }
-
     /// The finest spacing of the layer in which `position` lies (CRS units).
     pub(crate) fn finest_of_layer(&self, position: Local) -> f64 {
         match &self.graded {
             None => self.coarsest,
-            Some(graded) => graded.layers[usize::from(self.layer_of(self.at(position)))],
-        }
-    }
-
-    /// The edges of the cells of each layer, if they are `in_spacings` wide (CRS units).
-    pub(crate) fn edges(&self, in_spacings: f64) -> Vec<f64> {
-        match &self.graded {
-            None => vec![in_spacings * self.coarsest],
-            Some(graded) => graded.layers.iter().map(|h| in_spacings * h).collect(),
+            Some(graded) => {
+                let layer = layer_of(&graded.layers, self.at(position));
+                graded.layers[usize::from(layer)]
+            }
         }
     }
 
     /// `positions` in cells that are `in_spacings` wide, and the order of the positions in them.
     pub(crate) fn cells(&self, positions: &[Local], in_spacings: f64) -> (LayeredCells, Vec<u32>) {
-        match self.is_constant() {
-            true => LayeredCells::one_layer(positions, in_spacings * self.coarsest),
-            false => LayeredCells::sort(
-                positions,
-                &self.layers_of(positions),
-                &self.edges(in_spacings),
-            ),
+        match &self.graded {
+            None => LayeredCells::one_layer(positions, in_spacings * self.coarsest),
+            Some(graded) => {
+                let layers = graded.layers_of(&self.at_all(positions));
+                LayeredCells::sort(positions, &layers, &graded.edges(in_spacings))
+            }
         }
     }
 
     /// `positions` in a grid of cells that are `in_spacings` wide.
     pub(crate) fn grid(&self, positions: &[Local], in_spacings: f64) -> NeighborGrid {
         match self.is_constant() {
-            true => NeighborGrid::new(positions, in_spacings * self.coarsest),
-            false => {
-                let edges = self.edges(in_spacings);
-                NeighborGrid::layered(positions, &self.layers_of(positions), &edges)
+            true => self.grid_by(positions, &[], in_spacings),
+            false => self.grid_by(positions, &self.at_all(positions), in_spacings),
+        }
+    }
+
+    /// `positions`, at which the `spacings` are known (CRS units), in a grid of cells that are `in_spacings` wide. Spacings that are
+    /// the same everywhere are not looked at.
+    pub(crate) fn grid_by(
+        &self,
+        positions: &[Local],
+        spacings: &[f64],
+        in_spacings: f64,
+    ) -> NeighborGrid {
+        match &self.graded {
+            None => NeighborGrid::new(positions, in_spacings * self.coarsest),
+            Some(graded) => {
+                let layers = graded.layers_of(spacings);
+                NeighborGrid::layered(positions, &layers, &graded.edges(in_spacings))
             }
         }
     }
 
-    /// The layer of each of `positions`.
-    fn layers_of(&self, positions: &[Local]) -> Vec<u8> {
-        let layer = |&position: &Local| self.layer_of(self.at(position));
-        let positions = positions.par_iter().with_max_len(ITEMS_PER_TASK);
-        positions.map(layer).collect()
+    /// `positions` in a grid of cells of the edge `edge` (CRS units) where the spacing is coarsest, and of an edge in proportion
+    /// elsewhere.
+    pub(crate) fn grid_of_edge(&self, positions: &[Local], edge: f64) -> NeighborGrid {
+        match self.is_constant() {
+            true => NeighborGrid::new(positions, edge),
+            false => self.grid(positions, edge / self.coarsest),
+        }
     }
 }
 
 impl GradedField {
+    /// The layer of each place with one of these `spacings` (CRS units).
+    fn layers_of(&self, spacings: &[f64]) -> Vec<u8> {
+        let layers = spacings.iter();
+        layers
+            .map(|&spacing| layer_of(&self.layers, spacing))
+            .collect()
+    }
+
+    /// The edges of the cells of each layer, if they are `in_spacings` wide (CRS units).
+    fn edges(&self, in_spacings: f64) -> Vec<f64> {
+        self.layers.iter().map(|h| in_spacings * h).collect()
+    }
+
     /// The spacing at `position`, and whether it is one that is wanted there; `None` if no points were given.
     fn at(&self, position: Local) -> Option<(f64, bool)> {
         let known = self.flat.spacing_at(position);

@@ -150,7 +150,7 @@ impl Scan {
         });
         let weights = totals.iter().map(|total| weight_of(total.count)).collect();
         Self {
-            samples: samples_by_cell(&means, &field, options),
+            samples: field.grid_of_edge(&means, SAMPLE_CELL_IN_FIT_RADII * fit_radius),
             quantization,
             seed,
             voxel,
@@ -194,7 +194,8 @@ impl Scan {
                 .map(|&position| self.quantization.local(position)),
         );
         self.weights.resize(means.len(), weight_of(1));
-        self.samples = samples_by_cell(&means, &self.field, options);
+        self.samples =
+            (self.field).grid_of_edge(&means, SAMPLE_CELL_IN_FIT_RADII * options.fit_radius);
         self.filled = filled;
     }
 
@@ -299,15 +300,6 @@ impl MergedVoxels {
             sums.push(sum);
         }
         (Self { cells, kept }, sums)
-    }
-}
-
-/// The samples at `means` by the cells in which they are looked up.
-fn samples_by_cell(means: &[Local], field: &SpacingField, options: &SolverOptions) -> NeighborGrid {
-    let cell = SAMPLE_CELL_IN_FIT_RADII * options.fit_radius;
-    match field.is_constant() {
-        true => NeighborGrid::new(means, cell),
-        false => field.grid(means, cell / options.spacing),
     }
 }
 

@@ -48,20 +48,11 @@ impl<'a> Election<'a> {
         self.surface.field().grid(&positions, 1.0)
     }
 
-    /// The spacing at each of `positions` (CRS units).
-    pub(super) fn spacings(&self, positions: &[Local]) -> Vec<f64> {
-        let field = self.surface.field();
-        let positions = positions.par_iter().with_max_len(ITEMS_PER_TASK);
-        positions.map(|&position| field.at(position)).collect()
-    }
-
     /// Elects candidates in the order of their ranks, equal ranks in the order of their
     /// priorities. A candidate within the election radius of a seed is passed over.
     pub(super) fn elect_in_order(&mut self, mut candidates: Vec<(u32, Stored)>) {
-        let earlier = self.grid();
-        let radius_at = |point: Stored| {
-            ELECTION_RADIUS_IN_SPACINGS * self.surface.field().at(self.local(point))
-        };
+        let (field, earlier) = (self.surface.field(), self.grid());
+        let radius_at = |point: Stored| ELECTION_RADIUS_IN_SPACINGS * field.at(self.local(point));
         // Earlier seeds cover most candidates.
         candidates = candidates
             .into_par_iter()
@@ -70,13 +61,10 @@ impl<'a> Election<'a> {
             .collect();
         candidates.par_sort_unstable_by_key(|&(rank, point)| (rank, self.priority(point), point));
         let positions: Vec<Local> = candidates.iter().map(|&(_, p)| self.local(p)).collect();
-        let grid = self
-            .surface
-            .field()
-            .grid(&positions, ELECTION_RADIUS_IN_SPACINGS);
-        let spacings = self.spacings(&positions);
+        let spacings = field.at_all(&positions);
+        let grid = field.grid_by(&positions, &spacings, ELECTION_RADIUS_IN_SPACINGS);
         // Of two different spacings the mean decides: it does not matter which of the two is elected first.
-        let widening = self.surface.field().widening(ELECTION_RADIUS_IN_SPACINGS);
+        let widening = field.widening(ELECTION_RADIUS_IN_SPACINGS);
         let mut is_covered = vec![false; candidates.len()];
         for (number, &(_, candidate)) in candidates.iter().enumerate() {
             if is_covered[number] {

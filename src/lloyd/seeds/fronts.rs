@@ -58,15 +58,14 @@ impl Uncovered {
         let quantization = surface.quantization();
         let position = |&(point, _): &Distant| quantization.local(point);
         let positions: Vec<Local> = points.par_iter().map(position).collect();
+        let field = surface.field();
+        let spacings = field.at_all(&positions);
         Self {
-            grid: surface.field().grid(&positions, 1.0),
+            grid: field.grid_by(&positions, &spacings, 1.0),
             points: points.iter().map(|&(point, _)| point).collect(),
             nearest: points.iter().map(|&(_, nearest)| nearest).collect(),
-            spacings: positions
-                .par_iter()
-                .map(|&p| surface.field().at(p))
-                .collect(),
-            widening: surface.field().widening(NUCLEUS_DISTANCE_IN_SPACINGS),
+            spacings,
+            widening: field.widening(NUCLEUS_DISTANCE_IN_SPACINGS),
             positions,
         }
     }

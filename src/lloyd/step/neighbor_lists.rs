@@ -43,7 +43,7 @@ impl Lists {
         spacings: &SiteSpacings,
         field: &SpacingField,
     ) -> Self {
-        let grid = field.grid(&positions, SITE_CELL_IN_SPACINGS);
+        let grid = field.grid_by(&positions, spacings.of_sites(), SITE_CELL_IN_SPACINGS);
         let radius_at = |spacing: f64| (NEAR_IN_SPACINGS + SKIN_IN_SPACINGS) * spacing;
         let of_block = |around: &mut Vec<(u32, Local)>, block: &Range<usize>| {
             let [low, high] = bounding_box(positions[block.clone()].iter().copied());

@@ -23,10 +23,7 @@ impl SiteSpacings {
     pub(crate) fn new(positions: &[Local], field: &SpacingField) -> Self {
         let of_sites = match field.is_constant() {
             true => Vec::new(),
-            false => {
-                let positions = positions.par_iter().with_max_len(ITEMS_PER_TASK);
-                positions.map(|&position| field.at(position)).collect()
-            }
+            false => field.at_all(positions),
         };
         Self {
             coarsest: field.coarsest(),
@@ -42,6 +39,11 @@ impl SiteSpacings {
             .with_max_len(ITEMS_PER_TASK)
             .filter(|(_, (before, now))| before != now)
             .for_each(|(spacing, (_, &now))| *spacing = field.at(now));
+    }
+
+    /// The spacing at each site; empty if it is the same everywhere.
+    pub(super) fn of_sites(&self) -> &[f64] {
+        &self.of_sites
     }
 
     /// The spacing at `site`.
