@@ -27,8 +27,8 @@ def simulate(path):
     cloud.write(path)
 
 
-def measure(name, path, has_limits):
-    """Prints the figures of a cloud; with limits those of the plane have to be kept."""
+def measure(name, path, limits):
+    """Prints the figures of a cloud; the limits of a plane or of a street have to be kept."""
     cloud = laspy.read(path)
     points = np.c_[cloud.x, cloud.y, cloud.z]
     wanted, area = (np.asarray(cloud[key], float) for key in ("Spacing", "CellArea"))
@@ -37,11 +37,17 @@ def measure(name, path, has_limits):
     figures = report["on_surfaces"]
     plane = points[:, :2]
     low, high = plane.min(0) + 0.5, plane.max(0) - 0.5
-    inside = np.all((plane >= low) & (plane <= high), axis=1) if has_limits else np.ones(len(points), bool)
+    is_plane = limits == "plane"
+    inside = np.all((plane >= low) & (plane <= high), axis=1) if is_plane else np.ones(len(points), bool)
     bounded = np.isfinite(area)
-    edge = np.sqrt(area / SQRT_3_OVER_2) / wanted
+    relative = area / SQRT_3_OVER_2 / wanted**2
+    edge = np.sqrt(relative)
     # Cells next to each other: of points that are hardly farther apart than both want.
     distance, other = cKDTree(points).query(points, k=7)
+    # The spacing around a point: of its cell and the cells next to it, the mean of the areas.
+    around = (distance <= 1.5 * wanted[:, None]) & bounded[other]
+    sums = np.sum(relative[other], axis=1, where=around)
+    local = np.sqrt(sums / np.maximum(around.sum(1), 1))
     near = distance[:, 1:] <= 1.2 * np.minimum(wanted[:, None], wanted[other[:, 1:]])
     ratio = np.sqrt(area[other[:, 1:]] / area[:, None])
     near &= bounded[:, None] & bounded[other[:, 1:]] & inside[:, None] & inside[other[:, 1:]]
@@ -53,18 +59,20 @@ def measure(name, path, has_limits):
     failed = []
     counts = np.unique(np.round(wanted, 4), return_counts=True)
     for spacing in [s for s, n in zip(*counts, strict=True) if n > 0.003 * len(points)]:
-        here = edge[(abs(wanted - spacing) < 1e-4) & bounded & inside]
-        deviation = np.quantile(abs(here - 1), 0.95)
+        cells = (abs(wanted - spacing) < 1e-4) & bounded & inside
+        here = edge[cells]
+        deviation, of_local = (np.quantile(abs(of[cells] - 1), 0.95) for of in (edge, local))
         low, middle, high = np.quantile(here, [0.025, 0.5, 0.975])
         print(
             f"    {spacing:g}: {len(here)} cells, edge over wanted {low:.3f} {middle:.3f} {high:.3f} "
-            f"(2.5, 50, 97.5 %), 95 % within {deviation:.3f}"
+            f"(2.5, 50, 97.5 %), 95 % within {deviation:.3f}, with the cells next to them within {of_local:.3f}"
         )
-        if deviation > 0.03:
+        if (deviation > 0.03) if is_plane else (of_local > 0.08):
             failed.append(f"spacing {spacing:g}")
-    if figures["energy_ratio"] > 1.02 or figures["cell_area_cv"] > 0.06 or ratio[near].max() > 1.35:
+    uneven = figures["energy_ratio"] > 1.02 or figures["cell_area_cv"] > 0.06 or ratio[near].max() > 1.35
+    if is_plane and uneven:
         failed.append("evenness")
-    if has_limits and failed:
+    if limits and failed:
         sys.exit(f"beyond the limits: {', '.join(failed)}")
 
 
@@ -91,10 +99,10 @@ def count(path, wanted):
 match sys.argv[1:]:
     case ["simulate", path]:
         simulate(path)
-    case ["measure", "--limits", name, path]:
-        measure(name, path, True)
+    case ["measure", "--limits", limits, name, path]:
+        measure(name, path, limits)
     case ["measure", name, path]:
-        measure(name, path, False)
+        measure(name, path, None)
     case ["compare", path, other]:
         compare(path, other)
     case ["count", path, wanted]:

@@ -30,6 +30,7 @@ mod ply;
 pub(super) mod point_order;
 mod point_set;
 mod progressive;
+mod radius_search;
 mod sink;
 pub(super) mod squares;
 pub(super) mod store;

@@ -14,14 +14,18 @@ use super::{
     election::Election,
     nearest_figures::{NearestFigures, nearest_figures},
     point_set::{PointSet, points_in_memory},
+    radius_search::elect_number,
     store::{SortedRecords, StoreError},
 };
 use crate::geometry::{Rect, Stored, spread};
 
+/// An elected set, and the radius of its election (stored units).
+pub(super) type ElectedSet = (PointSet<'static>, f64);
+
 /// Nested sets of points; the last contains all of them.
 pub(super) struct NestedSets<'a> {
-    /// The elected sets, the smallest first, each with the radius of its election (stored units).
-    elected: Vec<(PointSet<'static>, f64)>,
+    /// The elected sets, the smallest first.
+    elected: Vec<ElectedSet>,
     all: &'a dyn SortedRecords,
 }
 
@@ -38,15 +42,62 @@ impl<'a> NestedSets<'a> {
         fewest: u64,
         workspace: &Workspace,
     ) -> Result<Self, StoreError> {
-        let mut elected: Vec<(PointSet<'static>, f64)> = Vec::new();
-        for (number, radius) in radii.into_iter().enumerate() {
-            let election = Election::new(radius);
-            let next = match elected.last() {
-                Some((from, _)) => from.elect(&election, workspace, number)?,
-                None => PointSet::Records(all).elect(&election, workspace, number)?,
+        let mut radii = radii.into_iter();
+        Self::nest(all, fewest, |from, _, number| match radii.next() {
+            None => Ok(None),
+            Some(radius) => {
+                let elected = from.elect(&Election::new(radius), workspace, number)?;
+                Ok(Some((elected, radius)))
+            }
+        })
+    }
+
+    /// Elects a set of about each of these `shares` of all points, which descend, from the one before; the first is elected from `all`,
+    /// first with `radius` (stored units). A set has no fewer points than its share if possible. Ends with a set of no more than
+    /// `fewest` points.
+    ///
+    /// # Errors
+    ///
+    /// If temporary files cannot be read or written.
+    pub(super) fn elect_shares(
+        all: &'a dyn SortedRecords,
+        shares: impl IntoIterator<Item = f64>,
+        radius: f64,
+        fewest: u64,
+        workspace: &Workspace,
+    ) -> Result<Self, StoreError> {
+        let mut shares = shares.into_iter();
+        Self::nest(all, fewest, |from, last_radius, number| {
+            let Some(share) = shares.next() else {
+                return Ok(None);
             };
-            let is_last = next.len() <= fewest;
-            elected.push((next, radius));
+            let wanted = share * all.points() as f64;
+            // Of a hexagonal lattice with edges *h* a third is a lattice with edges √3 *h*.
+            let radius = last_radius.map_or(radius, |last| 3_f64.sqrt() * last);
+            elect_number(from, wanted, radius, workspace, number).map(Some)
+        })
+    }
+
+    /// Elects set after set by `next`, which gets the last set (at first all points), the radius of its election, and the number of
+    /// the set to elect, until it finds none or a set has no more than `fewest` points.
+    fn nest(
+        all: &'a dyn SortedRecords,
+        fewest: u64,
+        mut next: impl FnMut(
+            &PointSet<'_>,
+            Option<f64>,
+            usize,
+        ) -> Result<Option<ElectedSet>, StoreError>,
+    ) -> Result<Self, StoreError> {
+        let mut elected: Vec<ElectedSet> = Vec::new();
+        loop {
+            let found = match elected.last() {
+                Some((from, radius)) => next(from, Some(*radius), elected.len())?,
+                None => next(&PointSet::Records(all), None, 0)?,
+            };
+            let Some(found) = found else { break };
+            let is_last = found.0.len() <= fewest;
+            elected.push(found);
             if is_last {
                 break;
             }

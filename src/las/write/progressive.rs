@@ -1,8 +1,7 @@
 //! Clouds of which every beginning is a coarser cloud, written within bounded memory.
 //!
-//! Records are given in any order and sorted by position. Sets of them are elected ([`NestedSets`]), each from the one before
-//! with a radius √3 times as large, which takes a third of even points: of a hexagonal lattice with edges *h* those of a
-//! lattice with edges √3 *h*. So beginnings of 1, 3, 10 and 30 % are nearly such sets. Last, records are sorted by the first
+//! Records are given in any order and sorted by position. Sets of about 30, 10, 3, 1, … % of them are elected ([`NestedSets`]), each
+//! from the one before, so that beginnings of so many points are such sets but for a few. Last, records are sorted by the first
 //! set that contains them, those of a set by a hash: from the sort of positions to that of the file by a second temporary
 //! file, in which the coordinate of a record is its approximate number in the file.
 
@@ -24,12 +23,12 @@ use crate::{
     tiling::CellGrid,
 };
 
-/// The radius of the finest election in spacings of the cloud. On a street 1.35 takes 32 % of the points, 1.45 takes 31.5 %;
-/// the second and third election take 10.5 and 3.4 %, or 10.2 and 3.1 %.
+/// The radius of the finest election in spacings of the cloud, unless it takes too few or too many points. On a street it takes 32 %
+/// of them.
 const FINEST_RADIUS_IN_SPACINGS: f64 = 1.35;
 /// The number of points of the smallest set, at most.
 const FEWEST_POINTS: u64 = 64;
-/// The most elections: the last radius is 10⁹ spacings.
+/// The most sets: the last has 10⁻²⁰ of the points.
 const MOST_SETS: usize = 40;
 /// The shares of the points whose figures are reported.
 const REPORTED_SHARES: [f64; 4] = [0.01, 0.03, 0.1, 0.3];
@@ -99,9 +98,9 @@ impl CloudBody for ProgressiveBody {
         let quantization = &header.quantization;
         let sorted = sorter.finish().map_err(wrong)?;
         let finest = FINEST_RADIUS_IN_SPACINGS * workspace.spacing / quantization.scale;
-        let radii = std::iter::successors(Some(finest), |radius| Some(3_f64.sqrt() * radius));
-        let radii = radii.take(MOST_SETS);
-        let sets = NestedSets::elect(&*sorted, radii, FEWEST_POINTS, &workspace).map_err(wrong)?;
+        let shares = shares().take(MOST_SETS);
+        let sets = NestedSets::elect_shares(&*sorted, shares, finest, FEWEST_POINTS, &workspace);
+        let sets = sets.map_err(wrong)?;
         let figures = REPORTED_SHARES.map(|share| sets.figures_of_share(share, &workspace));
         let figures = figures.into_iter().collect::<Result<_, StoreError>>();
         let scale = quantization.scale;
@@ -128,6 +127,12 @@ impl CloudBody for ProgressiveBody {
             directory => Ok(directory),
         }
     }
+}
+
+/// The shares of all points that are elected: 0.3, 0.1, 0.03, 0.01, …
+fn shares() -> impl Iterator<Item = f64> {
+    let of_decade = |decade: i32| [0.3, 0.1].map(|share| share * 0.1_f64.powi(decade));
+    (0..).flat_map(of_decade)
 }
 
 /// The number of records that fit the memory of `workspace` while they are sorted.
@@ -309,22 +314,20 @@ mod tests {
             sorted
         };
         assert!(bytes_of(&wide) == bytes_of(&records));
-        // No two of the first points are nearer than the radius of their set.
+        // Every set has its share of the points, and no two of them stand much closer than on a lattice.
         let position: Vec<Stored> = wide.chunks_exact(length).map(Stored::of_record).collect();
         assert!(points.len() > 4, "{points:?}");
-        for (number, &first) in points.iter().rev().skip(1).enumerate() {
-            let radius = 135.0 * 3_f64.sqrt().powi(number as i32);
+        for (share, &first) in shares().zip(points.iter().rev().skip(1)) {
+            let wanted = share * position.len() as f64;
+            assert!((1.0..1.3).contains(&(first as f64 / wanted)), "{points:?}");
+            let lattice = (64e6 / 0.75_f64.sqrt() / first as f64).sqrt();
             let first = &position[..first as usize];
             for (i, a) in first.iter().enumerate() {
                 let squared = |b: &Stored| {
                     let [x, y, z] = [a.x - b.x, a.y - b.y, a.z - b.z].map(f64::from);
                     x * x + y * y + z * z
                 };
-                assert!(
-                    first[..i]
-                        .iter()
-                        .all(|b| squared(b) >= radius * radius * 0.999_999)
-                );
+                assert!(first[..i].iter().all(|b| squared(b).sqrt() > 0.6 * lattice));
             }
         }
     }

@@ -162,7 +162,7 @@ mod tests {
         let options = SolverOptions::new(0.1);
         let scan = Scan::as_scanned(points.clone(), QUANTIZATION, &options);
         let mut election = Election::new(Surface::new(&scan, &options));
-        election.elect_loose(&points);
+        election.elect_loose(&points, |_, _| 1.0);
         let places = |seeds: &[Stored]| -> Vec<Local> {
             seeds.iter().map(|&seed| QUANTIZATION.local(seed)).collect()
         };

@@ -22,11 +22,17 @@ pub(super) fn elected(surface: Surface<'_>) -> Vec<Stored> {
     let is_on_surface = |voxel: &&[Stored]| nodes.have(scan.quantization().local(voxel[0]));
     let (surfaces, loose): (Vec<&[Stored]>, Vec<&[Stored]>) =
         scan.points_by_voxel().partition(is_on_surface);
-    let surfaces = surfaces.into_par_iter();
-    let surfaces: Vec<Stored> = surfaces.filter_map(|v| scan.representative(v)).collect();
-    election.elect(surfaces.into_iter());
+    let share_at = election.radius_shares();
+    if surface.field().is_constant() {
+        let surfaces = surfaces.into_par_iter();
+        let surfaces: Vec<Stored> = surfaces.filter_map(|v| scan.representative(v)).collect();
+        election.elect(surfaces.into_iter());
+    } else {
+        // Where the spacing grows there are no nodes, and the seeds stand as densely as it says.
+        election.elect_points(&surfaces.concat(), &share_at);
+    }
     let (on_surfaces, loose) = (election.seeds.len(), loose.concat());
-    election.elect_loose(&loose);
+    election.elect_loose(&loose, &share_at);
     election.center(on_surfaces, &loose);
     election.elect(scan.filling().iter().copied());
     election.seeds
@@ -39,7 +45,10 @@ mod tests {
         geometry::{Quantization, spread},
         lloyd::{
             Scan, SolverOptions,
-            seeds::{AREA_PER_SEED, SeedRule, election::ELECTION_RADIUS_IN_SPACINGS},
+            seeds::{
+                AREA_PER_SEED, SeedRule,
+                election::{ELECTION_RADIUS_IN_SPACINGS, radius_share},
+            },
         },
     };
 
@@ -99,6 +108,20 @@ mod tests {
             };
             let ratio = elected(Surface::new(&scan, &options)).len() as f64 / wanted;
             assert!((0.98..1.03).contains(&ratio), "{seeds:?}: {ratio}");
+        }
+    }
+
+    #[test]
+    fn an_election_among_few_points_meets_the_density() {
+        let spacing = 0.01;
+        let wanted = 1.0 / (AREA_PER_SEED * spacing * spacing);
+        for points_to_a_seed in [3.0, 5.0, 10.0, 30.0] {
+            let scan = scan(sheet((points_to_a_seed * wanted) as u64), spacing);
+            let options = SolverOptions::new(spacing);
+            let mut election = Election::new(Surface::new(&scan, &options));
+            election.elect_points(scan.points(), |_, _| radius_share(points_to_a_seed));
+            let ratio = election.seeds.len() as f64 / wanted;
+            assert!((0.97..1.03).contains(&ratio), "{points_to_a_seed}: {ratio}");
         }
     }
 

@@ -35,9 +35,9 @@ const BRICK_IN_SPACINGS: f64 = 4.0 / 3.0;
 /// Widths of the rings beyond the radius, step by step.
 const RINGS_IN_SPACINGS: [f64; 6] = [0.1, 0.1, 0.1, 0.2, 0.2, 0.2];
 
-/// A point, and its squared distance to the nearest seed (CRS units squared), exact as far as it
-/// is needed.
-type Distant = (Stored, f64);
+/// A point with its squared distance to the nearest seed (CRS units squared), exact as far as it
+/// is needed, and with its [share](Election::radius_shares) of every radius.
+type Distant = (Stored, f64, f64);
 
 /// The points that no seed covers yet, in the order of their priorities.
 struct Uncovered {
@@ -48,6 +48,8 @@ struct Uncovered {
     nearest: Vec<f64>,
     /// The spacing at each point (CRS units).
     spacings: Vec<f64>,
+    /// The share of every radius that holds at each point.
+    shares: Vec<f64>,
     /// The factor by which a spacing within the widest reach may be coarser.
     widening: f64,
 }
@@ -56,29 +58,36 @@ impl Uncovered {
     /// Takes the `points`, in the order of their priorities, for an election on `surface`.
     fn new(points: &[Distant], surface: Surface<'_>) -> Self {
         let quantization = surface.quantization();
-        let position = |&(point, _): &Distant| quantization.local(point);
+        let position = |&(point, ..): &Distant| quantization.local(point);
         let positions: Vec<Local> = points.par_iter().map(position).collect();
         let field = surface.field();
         let spacings = field.at_all(&positions);
         Self {
             grid: field.grid_by(&positions, &spacings, 1.0),
-            points: points.iter().map(|&(point, _)| point).collect(),
-            nearest: points.iter().map(|&(_, nearest)| nearest).collect(),
+            points: points.iter().map(|&(point, ..)| point).collect(),
+            nearest: points.iter().map(|&(_, nearest, _)| nearest).collect(),
+            shares: points.iter().map(|&(.., share)| share).collect(),
             spacings,
             widening: field.widening(NUCLEUS_DISTANCE_IN_SPACINGS),
             positions,
         }
     }
 
-    /// Whether the point with this `index` is at least `radius` spacings from the nearest seed.
-    fn is_beyond(&self, index: usize, radius: f64) -> bool {
-        self.nearest[index] >= (radius * self.spacings[index]).powi(2)
+    /// The square of a `radius` (spacings) at the point with this `index`, in CRS units squared.
+    fn squared(&self, index: usize, radius: f64) -> f64 {
+        (radius * self.shares[index] * self.spacings[index]).powi(2)
     }
 
-    /// The points that are at least `radius` spacings from the nearest seed.
+    /// Whether the point with this `index` is at least `radius` (spacings) from the nearest seed.
+    fn is_beyond(&self, index: usize, radius: f64) -> bool {
+        self.nearest[index] >= self.squared(index, radius)
+    }
+
+    /// The points that are at least `radius` (spacings) from the nearest seed.
     fn left(&self, radius: f64) -> Vec<Distant> {
         let beyond = (0..self.points.len()).filter(|&index| self.is_beyond(index, radius));
-        let left = beyond.map(|index| (self.points[index], self.nearest[index]));
+        let left =
+            beyond.map(|index| (self.points[index], self.nearest[index], self.shares[index]));
         left.collect()
     }
 
@@ -95,9 +104,14 @@ impl Uncovered {
 }
 
 impl Election<'_> {
-    /// Elects seeds among `points`, which lie on no surface and are sorted by voxel.
-    pub(super) fn elect_loose(&mut self, points: &[Stored]) {
-        let mut uncovered = Uncovered::new(&self.uncovered(points), self.surface);
+    /// Elects seeds among `points`, which lie on no surface and are sorted by voxel, with the share of every radius that
+    /// `share_at` gives at a position with a spacing (CRS units).
+    pub(super) fn elect_loose(
+        &mut self,
+        points: &[Stored],
+        share_at: impl Fn(Local, f64) -> f64 + Sync,
+    ) {
+        let mut uncovered = Uncovered::new(&self.uncovered(points, share_at), self.surface);
         for index in 0..uncovered.points.len() {
             if uncovered.is_beyond(index, NUCLEUS_DISTANCE_IN_SPACINGS) {
                 self.seeds.push(uncovered.points[index]);
@@ -115,9 +129,8 @@ impl Election<'_> {
             }
             uncovered = Uncovered::new(&left, self.surface);
             let limit = LOOSE_RADIUS_IN_SPACINGS + width;
-            let is_next = |&index: &usize| {
-                uncovered.nearest[index] <= (limit * uncovered.spacings[index]).powi(2)
-            };
+            let is_next =
+                |&index: &usize| uncovered.nearest[index] <= uncovered.squared(index, limit);
             let front: Vec<usize> = (0..left.len()).filter(is_next).collect();
             for index in front {
                 if uncovered.is_beyond(index, LOOSE_RADIUS_IN_SPACINGS) {
@@ -129,14 +142,18 @@ impl Election<'_> {
     }
 
     /// The `points` that no seed covers, in the order of their priorities.
-    fn uncovered(&self, points: &[Stored]) -> Vec<Distant> {
+    fn uncovered(
+        &self,
+        points: &[Stored],
+        share_at: impl Fn(Local, f64) -> f64 + Sync,
+    ) -> Vec<Distant> {
         let field = self.surface.field();
         // Bricks are small beside the places where the spacing is finest, too.
         let spacing = self.surface.options.finest_spacing();
         let widening = field.widening(NUCLEUS_DISTANCE_IN_SPACINGS);
         let earlier = self.grid();
         let brick_of = |&point: &Stored| cell_of(self.local(point), BRICK_IN_SPACINGS * spacing);
-        let mut left: Vec<(u64, Stored, f64)> = points
+        let mut left: Vec<(u64, Distant)> = points
             .par_chunk_by(|a, b| brick_of(a) == brick_of(b))
             .map_init(Vec::new, |seeds, points| {
                 let [low, high] = bounding_box(points.iter().map(|&point| self.local(point)));
@@ -150,7 +167,9 @@ impl Election<'_> {
                 seeds.sort_unstable_by(|a, b| from_middle(a).total_cmp(&from_middle(b)));
                 let with_distance = |&point: &Stored| {
                     let position = self.local(point);
-                    let covered = (LOOSE_RADIUS_IN_SPACINGS * field.at(position)).powi(2);
+                    let spacing = field.at(position);
+                    let share = share_at(position, spacing);
+                    let covered = (LOOSE_RADIUS_IN_SPACINGS * share * spacing).powi(2);
                     let mut nearest = f64::INFINITY;
                     for seed in &*seeds {
                         nearest = nearest.min((seed - position).norm_squared());
@@ -158,15 +177,13 @@ impl Election<'_> {
                             return None;
                         }
                     }
-                    Some((self.priority(point), point, nearest))
+                    Some((self.priority(point), (point, nearest, share)))
                 };
                 points.iter().filter_map(with_distance).collect::<Vec<_>>()
             })
             .flatten_iter()
             .collect();
-        left.par_sort_unstable_by_key(|&(priority, point, _)| (priority, point));
-        left.into_iter()
-            .map(|(_, point, nearest)| (point, nearest))
-            .collect()
+        left.par_sort_unstable_by_key(|&(priority, (point, ..))| (priority, point));
+        left.into_iter().map(|(_, distant)| distant).collect()
     }
 }
