@@ -44,6 +44,7 @@ pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
         mesh: None,
         scratch: None,
         output: cloud,
+        destination: None,
         settings: choices.settings(None)?,
         overwrite: true,
         keep: false,
