@@ -16,10 +16,10 @@ pub(crate) struct State {
     pub(crate) files: BTreeMap<String, Vec<u8>>,
     /// The number of the version that `ETag` states.
     pub(crate) version: u32,
-    /// The number of answers after which the version changes.
-    pub(crate) changes_after: Option<u64>,
-    /// The number of answers after which there is no file any more.
-    pub(crate) is_gone_after: Option<u64>,
+    /// Whether the version changes when points are asked for: more than a header.
+    pub(crate) changes_at_points: bool,
+    /// Whether there is no file any more when points are asked for.
+    pub(crate) hides_points: bool,
     /// Whether two of three answers are 503, a broken connection, or half of the bytes.
     pub(crate) is_faulty: bool,
     /// Whether ranges are not understood: the whole file is sent.
@@ -33,6 +33,9 @@ pub(crate) struct State {
     /// The bytes of files that were sent.
     pub(crate) bytes: u64,
 }
+
+/// The most bytes that are asked for at once of headers and tables.
+const LONGEST_HEADER: usize = 16 << 10;
 
 pub(crate) struct RangeServer {
     address: String,
@@ -122,12 +125,6 @@ fn answer(target: &str, head: &[String], state: &mut State) -> Option<(String, V
     {
         return status("403 Forbidden");
     }
-    if state.is_gone_after.is_some_and(|after| count > after) {
-        return status("404 Not Found");
-    }
-    if state.changes_after == Some(count) {
-        state.version += 1;
-    }
     let fault = if state.is_faulty { count % 6 } else { 0 };
     match fault {
         1 => return status("503 Service Unavailable"),
@@ -143,9 +140,19 @@ fn answer(target: &str, head: &[String], state: &mut State) -> Option<(String, V
             .strip_prefix("range: bytes=")
             .map(range_of)
     });
+    let has_points = wanted
+        .as_ref()
+        .is_some_and(|range| range.len() > LONGEST_HEADER);
+    if has_points && state.hides_points {
+        return status("404 Not Found");
+    }
+    state.version += u32::from(has_points && state.changes_at_points);
     let wanted = wanted.filter(|_| !state.ignores_ranges);
     let (first, range) = match wanted {
         Some(range) => {
+            if range.start >= length {
+                return status("416 Range Not Satisfiable");
+            }
             let range = range.start..range.end.min(length);
             let stated = range.start + usize::from(state.misstates_ranges);
             let stated = format!(

@@ -5,17 +5,19 @@ use std::{
     fs,
     path::{Path, PathBuf},
     process::Output,
+    sync::OnceLock,
 };
 
 use las::CopcReader;
+use tempfile::TempDir;
 
 use crate::{
     range_server::{RangeServer, State},
-    running::{lloydar, points, report, run, street, succeed, text},
+    running::{lloydar, points, report, run, simulated, succeed, text},
 };
 
-/// What the beginning of a file costs: headers are read in pieces of 32 KiB, as are tables at its end.
-const PIECE: u64 = 32 << 10;
+/// What the beginning of a file costs: headers are read in pieces of 16 KiB, as are tables at its end.
+const PIECE: u64 = 16 << 10;
 /// Jobs that take no longer than necessary.
 const OPTIONS: [&str; 4] = ["--spacing", "0.5", "--iterations", "1"];
 
@@ -23,19 +25,24 @@ fn stderr(done: &Output) -> String {
     String::from_utf8_lossy(&done.stderr).into_owned()
 }
 
-/// A scan of some hundred thousand points, as it is simulated, and as an octree.
-fn scans(dir: &Path) -> [PathBuf; 2] {
-    let scans = street(dir);
-    let scan = fs::read_dir(&scans)
-        .unwrap()
-        .map(|entry| entry.unwrap().path());
-    let scan = scan
-        .filter(|path| path.extension().is_some_and(|e| e == "laz"))
-        .min()
-        .unwrap();
-    let octree = dir.join("street.copc.laz");
-    succeed(&scans, &octree, &["--spacing", "0.06", "--iterations", "0"]);
-    [scan, octree]
+/// A scan, as it is simulated, and as an octree. They are made once for all tests.
+fn scans() -> &'static [PathBuf; 2] {
+    static SCANS: OnceLock<(TempDir, [PathBuf; 2])> = OnceLock::new();
+    let (_, scans) = SCANS.get_or_init(|| {
+        let dir = tempfile::tempdir().unwrap();
+        let scans = simulated(dir.path(), &["--length", "30", "--points", "100K"]);
+        let files = fs::read_dir(&scans)
+            .unwrap()
+            .map(|entry| entry.unwrap().path());
+        let scan = files
+            .filter(|path| path.extension().is_some_and(|e| e == "laz"))
+            .min()
+            .unwrap();
+        let octree = dir.path().join("street.copc.laz");
+        succeed(&scans, &octree, &["--spacing", "0.12", "--iterations", "0"]);
+        (dir, [scan, octree])
+    });
+    scans
 }
 
 fn name(path: &Path) -> &str {
@@ -91,20 +98,20 @@ fn sides(bounds: [f64; 4]) -> String {
 #[test]
 fn remote_inputs_give_the_bytes_of_local_ones_and_only_what_is_needed_is_transferred() {
     let dir = tempfile::tempdir().unwrap();
-    let [scan, octree] = scans(dir.path());
+    let [scan, octree] = scans();
 
     // Nodes in a rectangle only.
-    let bounds = corner(&octree);
-    let server = RangeServer::of(name(&octree), fs::read(&octree).unwrap());
-    let url = server.url(name(&octree));
+    let bounds = corner(octree);
+    let server = RangeServer::of(name(octree), fs::read(octree).unwrap());
+    let url = server.url(name(octree));
     assert!(gives_the_same(
         dir.path(),
-        &octree,
+        octree,
         &url,
         &["--bounds", &sides(bounds)]
     ));
-    let [within, beside] = needed(&octree, bounds);
-    let whole = fs::metadata(&octree).unwrap().len();
+    let [within, beside] = needed(octree, bounds);
+    let whole = fs::metadata(octree).unwrap().len();
     let most = within * 11 / 10 + beside + 3 * PIECE;
     let sent = server.state().bytes;
     assert!(
@@ -113,7 +120,7 @@ fn remote_inputs_give_the_bytes_of_local_ones_and_only_what_is_needed_is_transfe
     );
 
     // Everything, once.
-    for file in [&octree, &scan] {
+    for file in [octree, &scan] {
         let server = RangeServer::of(name(file), fs::read(file).unwrap());
         assert!(gives_the_same(
             dir.path(),
@@ -130,20 +137,20 @@ fn remote_inputs_give_the_bytes_of_local_ones_and_only_what_is_needed_is_transfe
 #[test]
 fn errors_of_a_server_do_not_show() {
     let dir = tempfile::tempdir().unwrap();
-    let [_, octree] = scans(dir.path());
-    let server = RangeServer::of(name(&octree), fs::read(&octree).unwrap());
+    let [_, octree] = scans();
+    let server = RangeServer::of(name(octree), fs::read(octree).unwrap());
     server.state().is_faulty = true;
-    let url = server.url(name(&octree));
-    let bounds = sides(corner(&octree));
+    let url = server.url(name(octree));
+    let bounds = sides(corner(octree));
     assert!(gives_the_same(
         dir.path(),
-        &octree,
+        octree,
         &url,
         &["--bounds", &bounds]
     ));
     assert!(gives_the_same(
         dir.path(),
-        &octree,
+        octree,
         &url,
         &["--threads", "1"]
     ));
@@ -153,14 +160,14 @@ fn errors_of_a_server_do_not_show() {
 #[test]
 fn an_object_that_changes_is_refused_with_its_name() {
     let dir = tempfile::tempdir().unwrap();
-    let [scan, _] = scans(dir.path());
-    let server = RangeServer::of(name(&scan), fs::read(&scan).unwrap());
-    let url = server.url(name(&scan));
+    let [scan, _] = scans();
+    let server = RangeServer::of(name(scan), fs::read(scan).unwrap());
+    let url = server.url(name(scan));
     let output = dir.path().join("even.laz");
     let job = |more: &[&str]| run(Path::new(&url), &output, &[&OPTIONS[..], more].concat());
 
     // While it is read.
-    server.state().changes_after = Some(3);
+    server.state().changes_at_points = true;
     let done = job(&[]);
     let said = stderr(&done);
     assert!(
@@ -169,16 +176,15 @@ fn an_object_that_changes_is_refused_with_its_name() {
     );
 
     // Between a job that stops and the next run of it.
-    let seen = server.state().requests.len() as u64;
-    server.state().changes_after = None;
-    server.state().is_gone_after = Some(seen + 4);
+    server.state().changes_at_points = false;
+    server.state().hides_points = true;
     let done = job(&["--restart"]);
     assert!(
         !done.status.success() && stderr(&done).contains("no such object"),
         "{}",
         stderr(&done)
     );
-    server.state().is_gone_after = None;
+    server.state().hides_points = false;
     server.state().version += 1;
     let done = job(&[]);
     let said = stderr(&done);
@@ -189,17 +195,17 @@ fn an_object_that_changes_is_refused_with_its_name() {
     server.state().version -= 1;
     assert!(job(&[]).status.success());
     let local = dir.path().join("local.laz");
-    succeed(&scan, &local, &OPTIONS);
+    succeed(scan, &local, &OPTIONS);
     assert_eq!(fs::read(local).unwrap(), fs::read(output).unwrap());
 }
 
 #[test]
 fn secrets_of_an_address_are_neither_shown_nor_written() {
     let dir = tempfile::tempdir().unwrap();
-    let [scan, _] = scans(dir.path());
-    let server = RangeServer::of(name(&scan), fs::read(&scan).unwrap());
+    let [scan, _] = scans();
+    let server = RangeServer::of(name(scan), fs::read(scan).unwrap());
     server.state().signature = Some("X-Signature=h1dden&X-Key=h1dden".into());
-    let plain = format!("http://user:h1dden@{}/{}", server.address(), name(&scan));
+    let plain = format!("http://user:h1dden@{}/{}", server.address(), name(scan));
     let signed = format!("{plain}?X-Signature=h1dden&X-Key=h1dden");
     let job = dir.path().join("job");
     let output = dir.path().join("even.laz");
@@ -207,10 +213,7 @@ fn secrets_of_an_address_are_neither_shown_nor_written() {
     let arguments = [&["run", &signed, "-o", text(&output)], &more[..]].concat();
     let done = lloydar(&arguments);
     assert!(done.status.success(), "{}", stderr(&done));
-    assert_eq!(
-        report(&output)["inputs"][0]["path"],
-        server.url(name(&scan))
-    );
+    assert_eq!(report(&output)["inputs"][0]["path"], server.url(name(scan)));
     let refused = [
         lloydar(&["run", &plain, "-o", "x.laz", "--spacing", "1"]),
         lloydar(&["info", &format!("{signed}&no")]),
@@ -225,7 +228,7 @@ fn secrets_of_an_address_are_neither_shown_nor_written() {
     assert!(
         refused
             .iter()
-            .all(|done| !done.status.success() && stderr(done).contains(name(&scan)))
+            .all(|done| !done.status.success() && stderr(done).contains(name(scan)))
     );
     assert!(
         stderr(&refused[0]).contains("access is denied"),
@@ -265,9 +268,9 @@ fn secrets_of_an_address_are_neither_shown_nor_written() {
 #[test]
 fn servers_that_cannot_serve_are_named_with_the_reason() {
     let dir = tempfile::tempdir().unwrap();
-    let [scan, _] = scans(dir.path());
+    let [scan, _] = scans();
     let said = |change: fn(&mut State), name: &str| {
-        let server = RangeServer::of("scan.laz", fs::read(&scan).unwrap());
+        let server = RangeServer::of("scan.laz", fs::read(scan).unwrap());
         change(&mut server.state());
         let url = server.url(name);
         let done = lloydar(&["info", &url]);
@@ -302,7 +305,7 @@ fn servers_that_cannot_serve_are_named_with_the_reason() {
     );
     for mesh in ["https://host/a.glb", "s3://bucket/a.glb"] {
         let done = run(
-            &scan,
+            scan,
             &dir.path().join("x.laz"),
             &["--spacing", "1", "--mesh", mesh],
         );
@@ -312,7 +315,7 @@ fn servers_that_cannot_serve_are_named_with_the_reason() {
             stderr(&done)
         );
     }
-    let done = run(&scan, Path::new("https://host/x.laz"), &["--spacing", "1"]);
+    let done = run(scan, Path::new("https://host/x.laz"), &["--spacing", "1"]);
     assert!(
         stderr(&done).contains("cannot be written to"),
         "{}",
@@ -335,8 +338,8 @@ fn catalogue(items: &[(String, [f64; 4])]) -> String {
 #[test]
 fn of_a_catalogue_only_files_that_overlap_the_bounds_are_opened() {
     let dir = tempfile::tempdir().unwrap();
-    let [scan, octree] = scans(dir.path());
-    let bounds = corner(&scan);
+    let [scan, octree] = scans();
+    let bounds = corner(scan);
     let beside = bounds.map(|side| side + 10_000.0);
     let items = |octree: String| {
         catalogue(&[
@@ -351,7 +354,7 @@ fn of_a_catalogue_only_files_that_overlap_the_bounds_are_opened() {
 
     // Local, with a local file.
     let path = dir.path().join("city.vpc");
-    fs::write(&path, items(format!("./{}", name(&octree)))).unwrap();
+    fs::write(&path, items(text(octree).to_owned())).unwrap();
     succeed(&path, &local, &options);
 
     // Remote, with a remote file; lengths with a unit ask for the CRS, too.
@@ -359,15 +362,15 @@ fn of_a_catalogue_only_files_that_overlap_the_bounds_are_opened() {
         files: BTreeMap::from([
             (
                 "data/city.vpc".into(),
-                items(format!("../{}", name(&octree))).into_bytes(),
+                items(format!("../{}", name(octree))).into_bytes(),
             ),
-            (name(&octree).into(), fs::read(&octree).unwrap()),
+            (name(octree).into(), fs::read(octree).unwrap()),
         ]),
         ..State::default()
     });
     succeed(Path::new(&server.url("data/city.vpc")), &remote, &options);
     let opened: BTreeSet<String> = server.state().requests.iter().cloned().collect();
-    let expected = BTreeSet::from(["data/city.vpc".to_owned(), name(&octree).to_owned()]);
+    let expected = BTreeSet::from(["data/city.vpc".to_owned(), name(octree).to_owned()]);
     assert_eq!(opened, expected);
     assert_eq!(fs::read(&local).unwrap(), fs::read(&remote).unwrap());
 
@@ -380,7 +383,7 @@ fn of_a_catalogue_only_files_that_overlap_the_bounds_are_opened() {
     );
 
     // A remote catalogue cannot name files of this machine.
-    let insolent = catalogue(&[(text(&octree).into(), bounds)]);
+    let insolent = catalogue(&[(text(octree).into(), bounds)]);
     server
         .state()
         .files
@@ -396,12 +399,12 @@ fn of_a_catalogue_only_files_that_overlap_the_bounds_are_opened() {
 #[test]
 fn tiles_are_catalogued_and_read_again() {
     let dir = tempfile::tempdir().unwrap();
-    let scans = street(dir.path());
+    let scans = simulated(dir.path(), &["--length", "30", "--points", "100K"]);
     let tiles = dir.path().join("tiles");
     succeed(
         &scans,
         &tiles,
-        &[&OPTIONS[..], &["--output-tiles", "20"]].concat(),
+        &[&OPTIONS[..], &["--output-tiles", "10"]].concat(),
     );
     let text = fs::read_to_string(tiles.join("tiles.vpc")).unwrap();
     let catalogue: serde_json::Value = serde_json::from_str(&text).unwrap();
@@ -446,6 +449,6 @@ fn tiles_are_catalogued_and_read_again() {
     succeed(
         &scans,
         &tiles,
-        &[&OPTIONS[..], &["--output-tiles", "20", "--overwrite"]].concat(),
+        &[&OPTIONS[..], &["--output-tiles", "10", "--overwrite"]].concat(),
     );
 }

@@ -18,6 +18,9 @@ use super::{
 /// The bytes of a file that its checksum takes at a time.
 const CHECKSUM_BYTES: usize = 1 << 20;
 
+/// The bytes of an object that are not worth a request of their own.
+const SHORT_RANGE: u64 = 32 << 10;
+
 /// A file or an object.
 #[derive(Clone, Debug)]
 pub(crate) struct Source {
@@ -159,9 +162,11 @@ pub(crate) enum SourceReader {
 }
 
 impl SourceReader {
-    /// Expects `range` to be read next, so that it is read ahead.
+    /// Expects `range` to be read next, so that it is read ahead if it is long.
     pub(crate) fn expect(&mut self, range: Range<u64>) {
-        if let Self::Object(reader) = self {
+        if let Self::Object(reader) = self
+            && range.end - range.start > SHORT_RANGE
+        {
             reader.expect(&[range]);
         }
     }

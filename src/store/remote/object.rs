@@ -23,9 +23,9 @@ use super::{
 use crate::store::{address::without_secrets, digest::OrderedDigest, identity::Identity};
 
 /// The bytes of a small piece.
-const SMALL_PIECE: u64 = 32 << 10;
+const SMALL_PIECE: u64 = 16 << 10;
 /// The most small pieces of an object that are kept.
-const MOST_SMALL_PIECES: usize = 128;
+const MOST_SMALL_PIECES: usize = 256;
 /// The most bytes that a request asks for.
 pub(super) const LONGEST_REQUEST: u64 = 1 << 20;
 /// The most bytes of one reader that are requested before they are needed.
