@@ -174,7 +174,7 @@ def with_store(program, work, scans, endpoint):
     for scan in scans:
         client.upload_file(str(scan), "city", f"in/{scan.name}")
         # Large enough for several parts.
-        options = ["--count", "600K", "--iterations", "1"]
+        options = ["--ratio", "60%", "--iterations", "0"]
         local, remote = work / "even.las", f"s3://city/out/{scan.name}.las"
         local = work / f"{scan.name}.las"
         run(program, scan, local, options)

@@ -36,7 +36,7 @@ mod tile_figures;
 
 pub(crate) use cluster::{JobStatus, Worker};
 pub(crate) use description::{JobDescription, memory_budget};
-pub(crate) use directory::{default_directory, write_file};
+pub(crate) use directory::write_file;
 pub use error::JobError;
 pub(crate) use measure::{Measured, measure, measure_against_surface};
 pub use outcome::Outcome;

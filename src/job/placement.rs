@@ -83,6 +83,10 @@ impl JobDescription {
             )
             .into()),
             Ok(_) => Ok(()),
+            // Who may write may not be allowed to ask.
+            Err(error) if self.overwrite && error.kind() == io::ErrorKind::PermissionDenied => {
+                Ok(())
+            }
             Err(error) => Err(LasError::new(address, error.to_string()).into()),
         }
     }

@@ -1,6 +1,6 @@
 //! The checksum of an object whose pieces arrive in any order.
 //!
-//! SHA-256 takes bytes in order only. Pieces that are early wait, up to a number of bytes; those beyond it are
+//! SHA-256 takes bytes in order only. Pieces that are early wait, up to a number of bytes; if there are more, all are
 //! forgotten, and read once more in the end.
 //!
 //! ```text
@@ -52,7 +52,11 @@ impl<P: AsRef<[u8]>> OrderedDigest<P> {
         let length = piece.as_ref().len() as u64;
         if offset <= self.next {
             self.take(offset, piece.as_ref());
-        } else if self.held + length <= self.limit && !self.waiting.contains_key(&offset) {
+        } else if self.held + length > self.limit {
+            // There would be a gap: whatever is beyond it has to be read again, and nothing waits any more.
+            self.waiting.clear();
+            (self.held, self.limit) = (0, 0);
+        } else if !self.waiting.contains_key(&offset) {
             self.held += length;
             self.waiting.insert(offset, piece);
         }

@@ -90,6 +90,13 @@ impl Source {
         }
     }
 
+    /// Forgets what was read of an object at scattered places, which takes some 50 kB. It is read again if it is asked for.
+    pub(crate) fn forget_pieces(&self) {
+        if let Some(object) = &self.object {
+            object.forget_pieces();
+        }
+    }
+
     /// Expects all bytes to be read in about the order of the object, and computes the checksum on the way, for
     /// which at most `waiting` bytes stay in memory. Does nothing for a file.
     pub(crate) fn begin_checksum(&self, waiting: u64) {

@@ -25,6 +25,11 @@ pub(crate) fn expand_inputs(
         let before = files.len();
         if is_catalogue(argument) && (is_remote(argument) || argument.is_file()) {
             files.extend(files_in(argument, filter)?);
+        } else if is_remote(argument) && argument.to_string_lossy().contains('*') {
+            return Err(LasError::new(
+                argument,
+                "is a pattern, and what lies in a store is not listed; give a catalogue (.vpc), or addresses with --from-list",
+            ));
         } else if is_remote(argument) {
             files.push(argument.clone());
         } else if argument.is_dir() {

@@ -16,6 +16,9 @@ use crate::{
 /// The remote files that are surveyed at once: what they take is the time between request and answer.
 const SURVEYED_AT_ONCE: usize = 16;
 
+/// The most remote files whose headers stay in memory, for the decoders that ask for them again.
+const MOST_WITH_HEADERS: usize = 256;
+
 impl InputFile {
     /// Reads the headers of the files at `paths`, several at once; the results are in the order of the paths.
     pub(crate) fn survey_all(paths: &[PathBuf]) -> Vec<Result<Self, LasError>> {
@@ -39,7 +42,14 @@ impl InputFile {
                     .join()
                     .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
             };
-            threads.into_iter().flat_map(join).collect()
+            let surveyed: Vec<_> = threads.into_iter().flat_map(join).collect();
+            if surveyed.len() > MOST_WITH_HEADERS {
+                surveyed
+                    .iter()
+                    .flatten()
+                    .for_each(|input: &Self| input.source.forget_pieces());
+            }
+            surveyed
         })
     }
 

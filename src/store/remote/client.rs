@@ -22,9 +22,11 @@ use crate::store::address::parsed;
 
 /// The threads on which requests run.
 const REQUEST_THREADS: usize = 2;
-/// How long a connection may take to come about, and a request to be answered to its end.
+/// How long a connection may take to come about, an answer may pause, and a request may take in all: on a slow line
+/// requests wait for each other.
 const CONNECT_TIMEOUT: &str = "10s";
-const REQUEST_TIMEOUT: &str = "120s";
+const PAUSE_TIMEOUT: &str = "30s";
+const REQUEST_TIMEOUT: &str = "1h";
 /// How often a request is repeated at once; `request` repeats it more patiently.
 const QUICK_RETRIES: usize = 3;
 const LONGEST_QUICK_RETRY: Duration = Duration::from_secs(30);
@@ -116,9 +118,10 @@ fn azure(url: &Url) -> object_store::Result<Arc<dyn ObjectStore>> {
     ))
 }
 
-fn timeouts() -> [(ClientConfigKey, &'static str); 2] {
+fn timeouts() -> [(ClientConfigKey, &'static str); 3] {
     [
         (ClientConfigKey::ConnectTimeout, CONNECT_TIMEOUT),
+        (ClientConfigKey::ReadTimeout, PAUSE_TIMEOUT),
         (ClientConfigKey::Timeout, REQUEST_TIMEOUT),
     ]
 }

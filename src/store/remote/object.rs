@@ -202,13 +202,22 @@ impl Object {
         Ok((start, bytes))
     }
 
+    /// Forgets the small pieces.
+    pub(in crate::store) fn forget_pieces(&self) {
+        lock(&self.small).clear();
+    }
+
     /// Computes the checksum of what is read from now on, and of the small pieces that were.
     pub(in crate::store) fn begin_checksum(&self, waiting: u64) {
+        let mut checksum = lock(&self.checksum);
+        if checksum.is_some() {
+            return;
+        }
         let mut digest = OrderedDigest::new(waiting);
         for (number, bytes) in &*lock(&self.small) {
             digest.offer(number * SMALL_PIECE, bytes.clone());
         }
-        *lock(&self.checksum) = Some(digest);
+        *checksum = Some(digest);
     }
 
     /// The checksum, for which what was not read yet is read.
