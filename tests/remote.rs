@@ -120,7 +120,7 @@ fn remote_inputs_give_the_bytes_of_local_ones_and_only_what_is_needed_is_transfe
     );
 
     // Everything, once.
-    for file in [octree, &scan] {
+    for file in [octree, scan] {
         let server = RangeServer::of(name(file), fs::read(file).unwrap());
         assert!(gives_the_same(
             dir.path(),

@@ -28,7 +28,7 @@ impl Object {
         match *self {}
     }
 
-    pub(super) fn open(&self, _: &[Range<u64>]) -> ObjectReader {
+    pub(super) fn open(&self, _: &[Range<u64>]) -> io::Result<ObjectReader> {
         match *self {}
     }
 

@@ -4,7 +4,7 @@
 //!   address       is it a path or an address? what of it may be shown?
 //!   source        an input, whose ranges are read as those of a file
 //!   identity      by which a change of an input is noticed
-//!   digest        the checksum of an input that arrives in pieces
+//!   checksum      by which the output names an input
 //!   remote        (feature `remote`) objects: requests, what is read ahead, uploads
 //! ```
 //!
@@ -12,7 +12,7 @@
 //! module knows of requests, and nothing in it of points.
 
 mod address;
-mod digest;
+mod checksum;
 mod identity;
 #[cfg(not(feature = "remote"))]
 mod local_only;

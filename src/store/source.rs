@@ -10,13 +10,10 @@ use std::{
 
 use super::{
     address::{is_remote, without_secrets},
-    digest::OrderedDigest,
+    checksum::checksum,
     identity::Identity,
     remote::{Object, ObjectReader},
 };
-
-/// The bytes of a file that its checksum takes at a time.
-const CHECKSUM_BYTES: usize = 1 << 20;
 
 /// The bytes of an object that are not worth a request of their own.
 const SHORT_RANGE: u64 = 32 << 10;
@@ -78,7 +75,7 @@ impl Source {
     /// If a file cannot be opened (any more).
     pub(crate) fn open(&self, ranges: &[Range<u64>]) -> io::Result<SourceReader> {
         Ok(match &self.object {
-            Some(object) => SourceReader::Object(object.open(ranges)),
+            Some(object) => SourceReader::Object(object.open(ranges)?),
             None => SourceReader::File(File::open(&self.path)?),
         })
     }
@@ -115,15 +112,7 @@ impl Source {
         if let Some(object) = &self.object {
             return object.checksum();
         }
-        let mut file = File::open(&self.path)?;
-        let mut digest = OrderedDigest::<Vec<u8>>::new(0);
-        let mut buffer = vec![0; CHECKSUM_BYTES];
-        loop {
-            match file.read(&mut buffer)? {
-                0 => return Ok(digest.finish()),
-                read => digest.take(digest.next(), &buffer[..read]),
-            }
-        }
+        checksum(&mut File::open(&self.path)?)
     }
 
     /// The identity of the object when it was found; `None` for a file.
@@ -200,17 +189,6 @@ impl Seek for SourceReader {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_checksum_is_the_one_that_others_compute() {
-        let file = tempfile::NamedTempFile::new().unwrap();
-        std::fs::write(file.path(), "abc").unwrap();
-        // FIPS 180-2, appendix B.1.
-        assert_eq!(
-            Source::find(file.path()).unwrap().checksum().unwrap(),
-            "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
-        );
-    }
 
     #[test]
     fn a_directory_is_no_source_and_a_long_file_no_text() {

@@ -5,6 +5,7 @@
 //!   request       one request, again and again until it is answered; what its failures mean
 //!   object        an object by its identity: its ranges, small pieces that are kept, the checksum
 //!   reader        the bytes of an object in order, requested before they are needed
+//!   digest        the checksum of an object that arrives in pieces
 //!   destination   a local file ─► an object, complete or not there
 //! ```
 //!
@@ -12,6 +13,7 @@
 
 mod client;
 mod destination;
+mod digest;
 mod object;
 mod reader;
 mod request;

@@ -17,10 +17,11 @@ use tokio::sync::{Semaphore, oneshot};
 
 use super::{
     client::{Located, locate, runtime},
+    digest::OrderedDigest,
     reader::ObjectReader,
     request::{Failure, repeated},
 };
-use crate::store::{address::without_secrets, digest::OrderedDigest, identity::Identity};
+use crate::store::{address::without_secrets, identity::Identity};
 
 /// The bytes of a small piece.
 const SMALL_PIECE: u64 = 16 << 10;
@@ -115,10 +116,17 @@ impl Object {
     }
 
     /// Opens the object at its first byte; `ranges` are read ahead.
-    pub(in crate::store) fn open(self: &Arc<Self>, ranges: &[Range<u64>]) -> ObjectReader {
+    ///
+    /// # Errors
+    ///
+    /// Never: what fails is a request, when it is waited for. Opening a file may fail.
+    pub(in crate::store) fn open(
+        self: &Arc<Self>,
+        ranges: &[Range<u64>],
+    ) -> io::Result<ObjectReader> {
         let mut reader = ObjectReader::new(self.clone());
         reader.expect(ranges);
-        reader
+        Ok(reader)
     }
 
     /// Requests the first bytes of `ranges`, for a reader that will be opened soon.
@@ -239,7 +247,8 @@ impl Object {
                 .as_ref()
                 .and_then(OrderedDigest::first_waiting)
                 .map_or(gap, |w| gap.min(w));
-            let pieces: Vec<Request> = requests_of(&[start..gap], bytes)
+            let missing = start..gap;
+            let pieces: Vec<Request> = requests_of(std::slice::from_ref(&missing), bytes)
                 .map(|range| self.request(range))
                 .collect();
             for piece in pieces {
@@ -350,7 +359,8 @@ mod tests {
         assert_eq!(requests(&[0..10, 10..30, 40..50], 45), [0..30, 40..45]);
         assert_eq!(requests(&[50..60, 5..9, 7..7], 100), [50..60, 5..9]);
         let long = 3 * LONGEST_REQUEST + 5;
-        let found = requests(&[1..long], u64::MAX);
+        let range = 1..long;
+        let found = requests(std::slice::from_ref(&range), u64::MAX);
         assert_eq!(found.len(), 4);
         assert_eq!(found[3], 3 * LONGEST_REQUEST + 1..long);
     }

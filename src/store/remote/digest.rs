@@ -12,6 +12,8 @@ use std::{collections::BTreeMap, ops::Range};
 
 use sha2::{Digest, Sha256};
 
+use crate::store::checksum::digits;
+
 /// A checksum on the way. `P` is a piece: bytes that it shares with their reader.
 pub(super) struct OrderedDigest<P> {
     digest: Sha256,
@@ -42,7 +44,6 @@ impl<P: AsRef<[u8]>> OrderedDigest<P> {
     }
 
     /// The offset of the first piece that waits.
-    #[cfg(feature = "remote")]
     pub(super) fn first_waiting(&self) -> Option<u64> {
         self.waiting.keys().next().copied()
     }
@@ -70,7 +71,7 @@ impl<P: AsRef<[u8]>> OrderedDigest<P> {
     }
 
     /// Takes what was not taken yet of the `piece` at `offset`, which is not beyond the next byte.
-    pub(super) fn take(&mut self, offset: u64, piece: &[u8]) {
+    fn take(&mut self, offset: u64, piece: &[u8]) {
         let Range { start, end } = offset..offset + piece.len() as u64;
         if end > self.next {
             self.digest.update(&piece[(self.next - start) as usize..]);
@@ -80,8 +81,7 @@ impl<P: AsRef<[u8]>> OrderedDigest<P> {
 
     /// The checksum of all bytes that were taken, in hexadecimal digits.
     pub(super) fn finish(self) -> String {
-        let digits = self.digest.finalize();
-        digits.iter().map(|byte| format!("{byte:02x}")).collect()
+        digits(self.digest)
     }
 }
 
