@@ -20,7 +20,7 @@ pub(crate) struct State {
     pub(crate) changes_at_points: bool,
     /// Whether there is no file any more when points are asked for.
     pub(crate) hides_points: bool,
-    /// Whether two of three answers are 503, a broken connection, or half of the bytes.
+    /// Whether every second answer is 503, a broken connection, half of the bytes, or 429, in turn.
     pub(crate) is_faulty: bool,
     /// Whether ranges are not understood: the whole file is sent.
     pub(crate) ignores_ranges: bool,
@@ -125,10 +125,11 @@ fn answer(target: &str, head: &[String], state: &mut State) -> Option<(String, V
     {
         return status("403 Forbidden");
     }
-    let fault = if state.is_faulty { count % 6 } else { 0 };
+    let fault = if state.is_faulty { count % 8 } else { 0 };
     match fault {
         1 => return status("503 Service Unavailable"),
         3 => return None,
+        7 => return status("429 Too Many Requests"),
         _ => {}
     }
     let Some(content) = state.files.get(&name) else {

@@ -7,6 +7,7 @@ the local job. The bytes that are needed are those of the file, or, in a quarter
 """
 
 import filecmp
+import json
 import os
 import statistics
 import struct
@@ -45,24 +46,19 @@ class Served:
         self.process.wait()
 
 
-def run(program, scan, output, options, environment=None):
-    """Seconds of a job, and what it prints."""
+def run(program, work, scan, output, options, environment=None):
+    """Seconds of a job, and what it prints. Job directories of outputs in a store lie in `work`."""
     began = time.monotonic()
     done = subprocess.run(
         [program, "run", str(scan), "-o", str(output), "--overwrite", *options],
         capture_output=True,
         text=True,
-        cwd=Path(program).parent if str(output).startswith("/") else output_directory(output),
+        cwd=work,
         env={**os.environ, "SOURCE_DATE_EPOCH": "1700000000", **(environment or {})},
     )
     if done.returncode:
         sys.exit(f"{scan}: {done.stderr}")
     return time.monotonic() - began, done.stdout + done.stderr
-
-
-def output_directory(output):
-    directory = Path(os.environ.get("TMPDIR", "/tmp"))
-    return directory
 
 
 def nodes(path, sides):
@@ -86,8 +82,6 @@ def nodes(path, sides):
 
 def quarter(program, scan):
     """The north-eastern quarter of a scan."""
-    import json
-
     header = json.loads(subprocess.check_output([program, "info", "--json", str(scan)]))
     (west, south, _), (east, north, _) = header["min"], header["max"]
     return [0.5 * (west + east), 0.5 * (south + north), east, north]
@@ -124,13 +118,13 @@ def main(program, work):
         Served(work / "scans", "--latency", LATENCY, "--rate", RATE) as slow,
     ):
         for scan, name, options, points, beside in jobs(program, scans):
-            here = [run(program, scan, local, options)[0] for _ in range(REPEATS)]
-            run(program, f"{faulty.address}/{scan.name}", remote, options)
+            here = [run(program, work, scan, local, options)[0] for _ in range(REPEATS)]
+            run(program, work, f"{faulty.address}/{scan.name}", remote, options)
             same(f"{name}, with errors")
             failed = faulty.sent()[0]
             there = []
             for _ in range(REPEATS):
-                there.append(run(program, f"{slow.address}/{scan.name}", remote, options)[0])
+                there.append(run(program, work, f"{slow.address}/{scan.name}", remote, options)[0])
                 same(name)
                 requests, sent = slow.sent()
             transfer = sent / RATE / 1e6
@@ -175,10 +169,9 @@ def with_store(program, work, scans, endpoint):
         client.upload_file(str(scan), "city", f"in/{scan.name}")
         # Large enough for several parts.
         options = ["--ratio", "60%", "--iterations", "0"]
-        local, remote = work / "even.las", f"s3://city/out/{scan.name}.las"
-        local = work / f"{scan.name}.las"
-        run(program, scan, local, options)
-        _, said = run(program, f"s3://city/in/{scan.name}", remote, options, environment)
+        local, remote = work / f"{scan.name}.las", f"s3://city/out/{scan.name}.las"
+        run(program, work, scan, local, options)
+        _, said = run(program, work, f"s3://city/in/{scan.name}", remote, options, environment)
         fetched = work / "fetched.las"
         client.download_file("city", f"out/{scan.name}.las", str(fetched))
         names = [item["Key"] for item in client.list_objects_v2(Bucket="city", Prefix=f"out/{scan.name}.las")["Contents"]]
@@ -191,13 +184,11 @@ def with_store(program, work, scans, endpoint):
             f"(parts after -), objects {len(names)}, uploads left {len(pending)}, secret {'not shown' if is_secret else 'SHOWN'}"
         )
         good &= is_same and is_secret and not pending and len(names) >= 3
-    denied = {**environment, "AWS_ENDPOINT_URL": "http://127.0.0.1:9"}
     done = subprocess.run(
         [program, "info", "s3://city/nothing.laz"], capture_output=True, text=True, env={**os.environ, **environment}
     )
     print(f"s3, no object: {done.stderr.strip()}")
     good &= done.returncode == 1 and "no such object" in done.stderr
-    del denied
     return good
 
 
