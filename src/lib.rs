@@ -96,6 +96,8 @@ mod resample;
 mod simulate;
 mod spacing;
 #[cfg(feature = "formats")]
+mod store;
+#[cfg(feature = "formats")]
 mod tile;
 mod tiling;
 #[cfg(feature = "formats")]

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::sources::{Module, Sources};
 
 /// The modules, the lowest first: each may use those before it.
-const LAYERS: [&str; 18] = [
+const LAYERS: [&str; 19] = [
     // Numbers.
     "geometry",
     "quality",
@@ -17,6 +17,7 @@ const LAYERS: [&str; 18] = [
     "simulate",
     "picture",
     // Files.
+    "store",
     "las",
     "tile",
     // The application.

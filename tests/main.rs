@@ -17,6 +17,10 @@ mod mesh_views;
 mod newcomer;
 mod pcd;
 mod program;
+#[cfg(feature = "remote")]
+mod range_server;
+#[cfg(feature = "remote")]
+mod remote;
 mod reproject;
 mod resample;
 mod running;

@@ -46,7 +46,7 @@ pub(super) enum Command {
         #[command(flatten)]
         scans: Scans,
         /// The cloud to write: .copc.laz, .laz, .las, .ply or .pcd, or a directory for
-        /// --output-tiles [default: SCAN.even.copc.laz for one input, else resampled.copc.laz]
+        /// --output-tiles; also at s3://, gs:// and az:// [default: SCAN.even.copc.laz for one input, else resampled.copc.laz]
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
         /// Delete what an earlier run left in the job directory, and begin anew

@@ -19,7 +19,7 @@ use super::{
 use crate::{
     config::ConfigError,
     job::{JobDescription, JobError, Progress},
-    las::{InputFile, expand_inputs},
+    las::{InputFile, PointFilter, expand_inputs},
 };
 
 /// Carries out the command in `words`, the first of which is the name of the program, and returns
@@ -66,7 +66,7 @@ pub fn call(
         }
         Command::Info { files, .. } => {
             let header = |path: &Path| Ok(inspecting::as_json(&InputFile::survey(path)?));
-            let paths = expand_inputs(&files.paths()?)?;
+            let paths = expand_inputs(&files.paths()?, &PointFilter::default())?;
             let headers: Result<Vec<_>, JobError> = paths.iter().map(|path| header(path)).collect();
             Ok(json(&headers?))
         }

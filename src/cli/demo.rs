@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{
     config::{Bytes, Choices, Length},
-    job::{JobDescription, JobError, default_directory},
+    job::{JobDescription, JobError, Placement},
     report::REPORT_PAGE,
     simulate::{Street, StreetOptions},
 };
@@ -40,10 +40,11 @@ pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
     let page = with_ending(&cloud, REPORT_PAGE);
     let job = JobDescription {
         inputs: vec![scans],
-        dir: default_directory(&cloud),
+        dir: Placement::of(&cloud, None).dir,
         mesh: None,
         scratch: None,
         output: cloud,
+        destination: None,
         settings: choices.settings(None)?,
         overwrite: true,
         keep: false,

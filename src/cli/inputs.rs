@@ -4,12 +4,16 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use crate::las::{LasError, read_list};
+use crate::{
+    las::{LasError, read_list},
+    store::without_secrets,
+};
 
 /// Files, directories and patterns, and a file that lists more of them.
 #[derive(Args)]
 pub(super) struct Inputs {
-    /// LAS, LAZ, COPC and PLY files, directories of LAS and LAZ, patterns
+    /// LAS, LAZ, COPC and PLY files, directories of LAS and LAZ, patterns, catalogues (.vpc); also at https://, s3://,
+    /// gs:// and az://
     #[arg(required_unless_present = "from_list", value_name = "INPUT")]
     inputs: Vec<PathBuf>,
     /// A text file that names further inputs: a file, directory or pattern a line, relative to
@@ -60,6 +64,7 @@ impl Inputs {
 
 /// Returns the name of the output for the only `input`; `None` for patterns, and paths without a name.
 fn output_of(input: &Path) -> Option<PathBuf> {
+    let input = &without_secrets(input);
     let name = input.file_name()?.to_str()?;
     if name.contains(['*', '?', '[']) {
         return None;
@@ -84,6 +89,10 @@ mod tests {
         assert_eq!(named("x.COPC.laz"), expected("x.even.copc.laz"));
         assert_eq!(named("cloud.ply"), expected("cloud.even.copc.laz"));
         assert_eq!(named("city/*.laz"), None);
+        assert_eq!(
+            named("https://u:p@host/a.laz?key=1"),
+            expected("a.even.copc.laz")
+        );
         assert_eq!(named(".."), None);
         let dir = tempfile::tempdir().unwrap();
         let scans = dir.path().join("city.2026");

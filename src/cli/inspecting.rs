@@ -9,14 +9,14 @@ use super::{
 };
 use crate::{
     job::JobError,
-    las::{Crs, InputFile, expand_inputs},
+    las::{Crs, InputFile, PointFilter, expand_inputs},
     report::{figure, thousands},
 };
 
 /// Prints the headers of scans. A file that cannot be read is reported, and the others are
 /// printed all the same.
 pub(super) fn print_info(files: &[PathBuf], json: bool) -> Result<u8, JobError> {
-    let paths = expand_inputs(files)?;
+    let paths = expand_inputs(files, &PointFilter::default())?;
     let mut code = DONE;
     for path in paths {
         match InputFile::survey(&path) {

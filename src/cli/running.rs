@@ -36,7 +36,7 @@ pub(super) fn run_and_print(job: &JobDescription, display: Display) -> Result<u8
     stop_on_signals();
     let Some(done) = run_and_report(job, &Terminal::new(display), &CANCEL)? else {
         if display != Display::Nothing {
-            result!("{} is complete already", job.output.display());
+            result!("{} is complete already", job.shown_output().display());
         }
         return Ok(DONE);
     };
@@ -74,7 +74,7 @@ pub(super) fn run_and_report(
     let mut done = None;
     let is_complete = |input: &InputCount| input.rejected == 0 && input.left_out.is_none();
     job.run_and_report(progress, cancel, |outcome| {
-        let output = job.output.display().to_string();
+        let output = job.shown_output().display().to_string();
         let mesh = job.mesh.as_ref().map(|path| path.display().to_string());
         let report = Report::new(
             outcome,
@@ -118,7 +118,12 @@ pub(super) const REPORT_FIGURES: &str = ".report.json";
 fn write_report(job: &JobDescription, report: &Report) -> Result<Vec<String>, JobError> {
     let write = |ending: &str, text: &str| {
         let path = with_ending(&job.output, ending);
-        write_file(&path, text.as_bytes()).map(|()| path.display().to_string())
+        write_file(&path, text.as_bytes())?;
+        Ok::<String, JobError>(
+            with_ending(&job.shown_output(), ending)
+                .display()
+                .to_string(),
+        )
     };
     write(REPORT_FIGURES, &report.to_json())?;
     let mut pages = vec![write(REPORT_PAGE, &report.to_html())?];

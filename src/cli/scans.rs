@@ -7,8 +7,8 @@ use clap::Args;
 use super::{allocator, inputs::Inputs, options::JobOptions, terminal::Display};
 use crate::{
     config::{Choices, OnBadFile},
-    job::{JobDescription, JobError, default_directory, memory_budget},
-    las::{Crs, InputFile, ReprojectionTarget, expand_inputs},
+    job::{JobDescription, JobError, Placement, memory_budget},
+    las::{Crs, InputFile, PointFilter, ReprojectionTarget, expand_inputs},
 };
 
 /// Inputs and options of a job.
@@ -86,17 +86,22 @@ impl Scans {
         allocator::return_freed_memory(memory_budget(memory));
         let inputs = self.inputs.paths()?;
         let metres = match choices.has_units() {
-            true => metres_per_unit(&inputs, choices.crs()?.as_ref(), choices.reproject)?,
+            true => {
+                let filter = PointFilter {
+                    bounds: choices.bounds.map(|sides| sides.0),
+                    ..PointFilter::default()
+                };
+                metres_per_unit(&inputs, choices.crs()?.as_ref(), choices.reproject, &filter)?
+            }
             false => None,
         };
+        let placement = Placement::of(output, choices.job.as_deref());
         Ok(JobDescription {
             inputs,
-            output: output.to_owned(),
+            output: placement.output,
+            destination: placement.destination,
             mesh: choices.mesh.clone(),
-            dir: choices
-                .job
-                .clone()
-                .unwrap_or_else(|| default_directory(output)),
+            dir: placement.dir,
             scratch: None,
             settings: choices.settings(metres)?,
             overwrite: choices.overwrite,
@@ -117,6 +122,7 @@ fn metres_per_unit(
     inputs: &[PathBuf],
     crs: Option<&Crs>,
     reproject: Option<ReprojectionTarget>,
+    filter: &PointFilter,
 ) -> Result<Option<f64>, JobError> {
     match reproject {
         Some(ReprojectionTarget::Auto) => return Ok(Some(1.0)),
@@ -130,7 +136,7 @@ fn metres_per_unit(
         return Ok(crs.metres_per_unit());
     }
     // The survey of the job reports the files that cannot be read, all together.
-    let files = expand_inputs(inputs)?;
+    let files = expand_inputs(inputs, filter)?;
     let stated = files
         .iter()
         .find_map(|path| InputFile::survey(path).ok()?.crs);
@@ -141,7 +147,12 @@ fn metres_per_unit(
 /// units" if the CRS is not known.
 pub(super) fn length_unit(job: &JobDescription) -> &'static str {
     let input = &job.settings.input;
-    let metres = metres_per_unit(&job.inputs, input.crs.as_ref(), input.reproject);
+    let metres = metres_per_unit(
+        &job.inputs,
+        input.crs.as_ref(),
+        input.reproject,
+        &input.filter,
+    );
     unit_name(metres.unwrap_or_default())
 }
 

@@ -15,7 +15,8 @@ use clap::Args;
 use super::{exit::DONE, options::flags_of, printing::result, running::with_ending, scans::Scans};
 use crate::{
     config::{Bytes, ConfigError},
-    job::{JobError, default_directory},
+    job::{JobError, Placement},
+    store::{has_secret, without_secrets},
 };
 
 /// What is requested from Slurm.
@@ -110,10 +111,25 @@ impl<'a> Submission<'a> {
         let memory = *choices.memory.get_or_insert(DEFAULT_JOB_MEMORY);
         choices.threads = None;
         let job = choices.job.clone();
-        let job = job.unwrap_or_else(|| default_directory(output));
+        let job = Placement::of(output, job.as_deref()).dir;
         let path = |path: &Path| quoted(&path.display().to_string());
         let program = std::env::current_exe().unwrap_or_else(|_| "lloydar".into());
         let program = path(&program);
+        let signed = scans
+            .inputs
+            .arguments()
+            .iter()
+            .find(|input| has_secret(input));
+        if let Some(input) = signed
+            .map(PathBuf::as_path)
+            .or(Some(output).filter(|output| has_secret(output)))
+        {
+            return Err(JobError::Refused(format!(
+                "{}: the address has a signature or a password, which is not written into scripts; give credentials in \
+                 the environment of the tasks",
+                without_secrets(input).display()
+            )));
+        }
         let arguments = scans.inputs.arguments().iter();
         let mut inputs: Vec<String> = arguments.map(|input| path(input)).collect();
         match scans.inputs.list() {

@@ -15,16 +15,21 @@ use super::{
 use crate::{
     config::{ResourceSettings, Settings},
     las::{Format, LasError, MeshFormat, PointOrder, TileFormat, read_trajectory},
+    store::{Destination, is_remote, serialize_without_secrets},
 };
 
 /// A job: which scans are resampled, how, and to which output. Its JSON is handed over to other
 /// processes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct JobDescription {
-    /// Input files, directories and patterns.
+    /// Input files, directories and patterns, and addresses, which are written without their secrets.
+    #[serde(serialize_with = "serialize_without_secrets")]
     pub(crate) inputs: Vec<PathBuf>,
     /// The output file, or the output directory of a tiled output.
     pub(crate) output: PathBuf,
+    /// The address of the output, if it is uploaded when it is complete.
+    #[serde(default)]
+    pub(crate) destination: Option<PathBuf>,
     /// The file for a mesh of the output, if one is written.
     #[serde(default)]
     pub(crate) mesh: Option<PathBuf>,
@@ -138,10 +143,19 @@ impl JobDescription {
     pub(crate) fn check_output(&self) -> Result<Format, JobError> {
         let format = self.format()?;
         format.check_replaceable(&self.output)?;
-        try_beside(&self.output)?;
+        match &self.destination {
+            None => try_beside(&self.output)?,
+            Some(address) => {
+                Destination::of(address).map_err(|e| LasError::new(address, e.to_string()))?;
+            }
+        }
         if let Some(mesh) = &self.mesh {
             if self.mesh_tile_edge().is_none() {
                 MeshFormat::of_path(mesh)?;
+            }
+            if is_remote(mesh) {
+                let problem = "cannot be written: a mesh is a file of this machine; copy it when it is complete";
+                return Err(LasError::new(mesh, problem).into());
             }
             try_beside(mesh)?;
             if *mesh == self.output {
@@ -163,6 +177,7 @@ impl JobDescription {
     ///
     /// [`JobError::Las`] if it exists and must not be replaced.
     pub(crate) fn check_free(&self) -> Result<(), JobError> {
+        self.check_destination()?;
         // A run that was killed between the mesh and the cloud has left the mesh.
         let mesh = self.mesh.as_ref().filter(|_| !self.has_begun());
         match [Some(&self.output), mesh]

@@ -2,7 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{config::ConfigError, las::LasError, tile::TileError, views::ViewError};
+use crate::{
+    config::ConfigError,
+    las::LasError,
+    store::{is_remote, without_secrets},
+    tile::TileError,
+    views::ViewError,
+};
 
 /// Why a job failed.
 #[derive(Debug, thiserror::Error)]
@@ -76,7 +82,7 @@ impl JobError {
     pub(super) fn io(action: &'static str, path: &std::path::Path, source: std::io::Error) -> Self {
         Self::Io {
             action,
-            path: path.display().to_string(),
+            path: without_secrets(path).display().to_string(),
             source,
         }
     }
@@ -88,7 +94,12 @@ impl JobError {
 
     /// Whether the same job can continue when the machine allows it.
     pub(super) fn is_resumable(&self) -> bool {
-        matches!(self, Self::Io { .. } | Self::Tile(_))
+        match self {
+            Self::Io { .. } | Self::Tile(_) => true,
+            // A store that does not answer today may do so tomorrow.
+            Self::BadFiles(bad) => bad.iter().any(|bad| is_remote(bad.path.as_ref())),
+            _ => false,
+        }
     }
 
     /// Whether the user stopped the job.

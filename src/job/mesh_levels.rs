@@ -104,6 +104,7 @@ fn level_job(
 ) -> JobDescription {
     let settings = &job.settings;
     JobDescription {
+        destination: None,
         inputs: vec![cloud.to_owned()],
         output: output.to_owned(),
         // The tiles of a level are written to those of the other levels.

@@ -10,7 +10,7 @@
 //! A later run of the same job finds them and does not repeat completed work.
 //!
 //! * [`request`] is the builder that programs use; [`description`] states inputs, output and
-//!   settings, validated; [`complete`] has the order of the stages, and [`run`] gives what they
+//!   settings, validated; [`placement`] says where its files lie; [`complete`] has the order of the stages, and [`run`] gives what they
 //!   made its name; [`context`] contains what every stage works with; [`mesh_levels`] makes the
 //!   coarser levels of a mesh, each as a job of its own.
 //! * [`stages`] has a file for each stage.
@@ -26,6 +26,7 @@ mod error;
 mod measure;
 mod mesh_levels;
 mod outcome;
+mod placement;
 mod progress;
 mod request;
 mod resources;
@@ -35,11 +36,12 @@ mod tile_figures;
 
 pub(crate) use cluster::{JobStatus, Worker};
 pub(crate) use description::{JobDescription, memory_budget};
-pub(crate) use directory::{default_directory, write_file};
+pub(crate) use directory::write_file;
 pub use error::JobError;
 pub(crate) use measure::{Measured, measure, measure_against_surface};
 pub use outcome::Outcome;
 pub(crate) use outcome::{MeshLevel, ReportedLevels};
+pub(crate) use placement::Placement;
 pub use progress::{Progress, Quiet, Standing, Unit};
 pub use request::Job;
 pub(crate) use resources::{ResourceSample, StageCost};

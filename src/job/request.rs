@@ -1,16 +1,12 @@
 //! The request for a job, as a program makes it: a builder with a method for each setting.
 
-use std::{
-    path::{Path, PathBuf},
-    sync::atomic::AtomicBool,
-    thread,
-};
+use std::{path::PathBuf, sync::atomic::AtomicBool, thread};
 
 use super::{
     description::JobDescription,
-    directory::default_directory,
     error::JobError,
     outcome::Outcome,
+    placement::Placement,
     progress::{Progress, Quiet},
 };
 use crate::{
@@ -182,11 +178,12 @@ impl Job {
             }));
         }
         let cores = || thread::available_parallelism().map_or(1, std::num::NonZero::get);
-        let directory = self.directory.as_deref().map(Path::to_owned);
+        let placement = Placement::of(&self.output, self.directory.as_deref());
         Ok(JobDescription {
             inputs: self.inputs.clone(),
-            dir: directory.unwrap_or_else(|| default_directory(&self.output)),
-            output: self.output.clone(),
+            dir: placement.dir,
+            output: placement.output,
+            destination: placement.destination,
             mesh: self.mesh.clone(),
             scratch: None,
             settings: Settings {
@@ -236,6 +233,8 @@ fn refused_option(error: ResampleError) -> JobError {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
 
     fn error(job: &Job) -> String {

@@ -63,7 +63,7 @@ impl JobDescription {
             let (stages, samples) = run.clock.stop(&self.dir);
             outcome.costs = RunCosts { stages, samples };
             report(&outcome)?;
-            self.deliver(planned, output.cloud, mesh)?;
+            self.deliver(planned, output.cloud, mesh, cancel)?;
             Ok(Some(outcome))
         })
     }
@@ -93,13 +93,14 @@ impl JobDescription {
         }))
     }
 
-    /// Gives the output its name, and removes the job directory. A run that is killed between the
+    /// Gives the output its name, uploads it if it is an object, and removes the job directory. A run that is killed between the
     /// two is recognized by the stamp of the output in the job directory.
     fn deliver(
         &self,
         mut planned: PlannedJob,
         cloud: CompleteCloud,
         mesh: Option<CompleteMesh>,
+        cancel: &AtomicBool,
     ) -> Result<(), JobError> {
         if let Some(mesh) = mesh {
             // A run that continues here writes the same mesh once more.
@@ -109,6 +110,7 @@ impl JobDescription {
         let stamp = stamp.map_err(|e| JobError::io("read", cloud.part(), e))?;
         planned.directory.deliver(stamp)?;
         cloud.deliver()?;
+        self.upload(cancel)?;
         if !self.keep {
             planned.directory.clear();
         }

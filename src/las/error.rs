@@ -2,6 +2,8 @@
 
 use std::{fmt::Display, path::Path};
 
+use crate::store::without_secrets;
+
 /// A point cloud that cannot be read or written. The message begins with the file's path.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: {problem}")]
@@ -16,7 +18,7 @@ impl LasError {
     /// The error that the file at `path` has this `problem`.
     pub(crate) fn new(path: &Path, problem: impl Into<String>) -> Self {
         Self {
-            path: path.display().to_string(),
+            path: without_secrets(path).display().to_string(),
             problem: problem.into(),
         }
     }

@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     geometry::{Quantization, Stored},
-    las::{InputFile, RecordFormat, expand_inputs},
+    las::{InputFile, PointFilter, RecordFormat, expand_inputs},
     picture::{Camera, Canvas, Scene, View, write_sheet},
 };
 
@@ -53,7 +53,7 @@ pub(crate) fn render_pair(
     options: &PairPictureOptions,
 ) -> Result<Vec<u8>, ViewError> {
     let survey = |cloud: &PathBuf| -> Result<Vec<InputFile>, ViewError> {
-        let paths = expand_inputs(std::slice::from_ref(cloud))?;
+        let paths = expand_inputs(std::slice::from_ref(cloud), &PointFilter::default())?;
         let inputs = paths.iter().map(|path| InputFile::survey(path));
         Ok(inputs.collect::<Result<_, _>>()?)
     };

@@ -55,7 +55,7 @@ pub(crate) fn png_path(text: &str) -> Result<PathBuf, String> {
 ///
 /// [`ViewError::Las`] if a file cannot be read, [`ViewError::NoPoint`] if all are empty.
 pub(crate) fn render(files: &[PathBuf], options: &PictureOptions) -> Result<Vec<u8>, ViewError> {
-    let inputs = expand_inputs(files)?
+    let inputs = expand_inputs(files, &PointFilter::default())?
         .iter()
         .map(|path| InputFile::survey(path))
         .collect::<Result<Vec<InputFile>, _>>()?;

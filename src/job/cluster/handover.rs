@@ -23,6 +23,7 @@ use crate::{
         },
     },
     las::RecordFormat,
+    store::{has_secret, is_remote, without_secrets},
     tile::{read_checksummed, write_checksummed},
 };
 
@@ -138,7 +139,19 @@ impl JobDescription {
 
     /// Returns this job with absolute paths, which mean the same in every working directory.
     fn with_absolute_paths(&self) -> Result<Self, JobError> {
+        // The job directory, which others read, has no signatures.
+        let addresses = self.inputs.iter().chain(&self.destination);
+        if let Some(signed) = addresses.into_iter().find(|path| has_secret(path)) {
+            return Err(JobError::Refused(format!(
+                "{}: the address has a signature or a password, which is not handed over to other processes; give \
+                 credentials in the environment, or use `lloydar run`",
+                without_secrets(signed).display()
+            )));
+        }
         let absolute = |path: &PathBuf| {
+            if is_remote(path) {
+                return Ok(path.clone());
+            }
             absolute(path).map_err(|e| JobError::io("find the directory of", path, e))
         };
         Ok(Self {

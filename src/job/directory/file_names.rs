@@ -8,8 +8,11 @@ pub(crate) const PLAN_FILE: &str = "plan.json";
 /// The name of the directory in which the coarser levels of a mesh are made.
 pub(super) const LEVELS_DIRECTORY: &str = "levels";
 
+/// The name of the directory in which an output is written that will be uploaded.
+pub(crate) const UPLOAD_DIRECTORY: &str = "upload";
+
 /// Stems of the names of a job's files, without the numbers of groups and attempts.
-const STEMS: [&str; 14] = [
+const STEMS: [&str; 15] = [
     "groups",
     LEVELS_DIRECTORY,
     "handover",
@@ -24,6 +27,7 @@ const STEMS: [&str; 14] = [
     "spill",
     "starts",
     "tiles",
+    UPLOAD_DIRECTORY,
 ];
 
 /// Endings of the names of a job's files.

@@ -5,27 +5,65 @@
 
 use std::path::PathBuf;
 
+use serde::Serialize;
+
 use super::stamp::Stamp;
-use crate::job::error::JobError;
+use crate::{
+    job::error::JobError,
+    las::InputFile,
+    store::{Identity, Source},
+};
 
 /// The inputs of a job with their stamps when it began, in the order of their paths.
-pub(crate) struct InputStamps(Vec<(PathBuf, Option<Stamp>)>);
+pub(crate) struct InputStamps(Vec<Stamped>);
+
+/// An input with its stamp.
+struct Stamped {
+    path: PathBuf,
+    stamp: Option<InputStamp>,
+    /// The object, if the input is remote.
+    source: Option<Source>,
+}
+
+/// By what a change of an input is noticed.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(untagged)]
+pub(crate) enum InputStamp {
+    /// Length and time of a file.
+    File(Stamp),
+    /// Length and tag of an object.
+    Object(Identity),
+}
 
 impl InputStamps {
-    /// Reads the stamps of the files at `paths`; an unreadable file has none.
-    pub(crate) fn of(paths: impl Iterator<Item = PathBuf>) -> Self {
-        let mut stamps: Vec<(PathBuf, Option<Stamp>)> = paths
-            .map(|path| (path.clone(), Stamp::of(&path).ok()))
-            .collect();
-        stamps.sort_by(|a, b| a.0.cmp(&b.0));
+    /// Reads the stamps of `inputs`, and of the files at `left_out`; an unreadable file has none.
+    pub(crate) fn of<'a>(
+        inputs: impl Iterator<Item = &'a InputFile>,
+        left_out: impl Iterator<Item = PathBuf>,
+    ) -> Self {
+        let of_file = |path: PathBuf| Stamped {
+            stamp: Stamp::of(&path).ok().map(InputStamp::File),
+            path,
+            source: None,
+        };
+        let of_input = |input: &InputFile| match input.source.identity() {
+            Some(identity) => Stamped {
+                path: input.path.clone(),
+                stamp: Some(InputStamp::Object(identity.clone())),
+                source: Some(input.source.clone()),
+            },
+            None => of_file(input.path.clone()),
+        };
+        let mut stamps: Vec<Stamped> = inputs.map(of_input).chain(left_out.map(of_file)).collect();
+        stamps.sort_by(|a, b| a.path.cmp(&b.path));
         Self(stamps)
     }
 
     /// The stamps with their paths as text, for the identity of the job.
-    pub(crate) fn by_name(&self) -> Vec<(String, Option<Stamp>)> {
+    pub(crate) fn by_name(&self) -> Vec<(String, Option<InputStamp>)> {
         let stamps = self.0.iter();
         stamps
-            .map(|(path, stamp)| (path.display().to_string(), *stamp))
+            .map(|input| (input.path.display().to_string(), input.stamp.clone()))
             .collect()
     }
 
@@ -35,14 +73,20 @@ impl InputStamps {
     ///
     /// [`JobError::Refused`] with the path of the first input that has changed.
     pub(crate) fn check(&self) -> Result<(), JobError> {
-        let has_changed =
-            |(path, stamp): &&(PathBuf, Option<Stamp>)| Stamp::of(path).ok() != *stamp;
-        match self.0.iter().find(has_changed) {
-            Some((path, _)) => Err(JobError::Refused(format!(
-                "{} has changed while it was read; run again once it is complete",
-                path.display()
-            ))),
-            None => Ok(()),
+        for input in &self.0 {
+            match &input.source {
+                Some(source) => source
+                    .check()
+                    .map_err(|e| JobError::io("read", &input.path, e))?,
+                None if Stamp::of(&input.path).ok().map(InputStamp::File) != input.stamp => {
+                    return Err(JobError::Refused(format!(
+                        "{} has changed while it was read; run again once it is complete",
+                        input.path.display()
+                    )));
+                }
+                None => {}
+            }
         }
+        Ok(())
     }
 }

@@ -11,7 +11,7 @@ use std::{
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::{
-    file_names::{LEVELS_DIRECTORY, is_of_tiles, is_own},
+    file_names::{LEVELS_DIRECTORY, UPLOAD_DIRECTORY, is_of_tiles, is_own},
     json_files::{read_json, to_json, write_among_others, write_json},
     stamp::Stamp,
 };
@@ -73,7 +73,7 @@ impl JobDirectory {
         }
         match directory.read::<Owner>(OWNER_FILE) {
             Some(found) if found.identity == directory.owner.identity => directory.owner = found,
-            Some(_) => return Err(refused(OTHER)),
+            Some(found) => return Err(other_job(path, &found.identity, &directory.owner.identity)),
             None => {
                 // Without `job.json` it is unknown which job the other files belong to.
                 directory.forget(|name| name != "lock" && names.iter().any(|known| known == name));
@@ -120,7 +120,8 @@ impl JobDirectory {
                 let delivered = found.delivered;
                 Ok(delivered.is_none() || Stamp::of(output).ok() != delivered)
             }
-            _ => Err(refused(path, OTHER)),
+            Some(found) => Err(other_job(path, &found.identity, &identity)),
+            None => Err(refused(path, OTHER)),
         }
     }
 
@@ -174,7 +175,7 @@ impl JobDirectory {
                 .to_str()
                 .is_some_and(|name| is_own(name) && wanted(name))
             {
-                drop(match name == LEVELS_DIRECTORY {
+                drop(match name == LEVELS_DIRECTORY || name == UPLOAD_DIRECTORY {
                     true => fs::remove_dir_all(entry.path()),
                     false => fs::remove_file(entry.path()),
                 });
@@ -192,6 +193,16 @@ impl JobDirectory {
         let path = self.path.join(LEVELS_DIRECTORY);
         fs::create_dir(&path).map_err(|e| JobError::io("make the directory", &path, e))?;
         Ok(path)
+    }
+
+    /// Makes the directory for an output that will be uploaded, unless there is one.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError::Io`] if it cannot be made.
+    pub(crate) fn for_upload(&self) -> Result<(), JobError> {
+        let path = self.path.join(UPLOAD_DIRECTORY);
+        fs::create_dir_all(&path).map_err(|e| JobError::io("make the directory", &path, e))
     }
 
     /// Gives the job up and removes its files if this process began it. The files of an earlier
@@ -220,6 +231,28 @@ const RESTART: &str = "give --restart to begin anew, or choose another --job";
 /// The problem and the remedy for a directory of another job.
 const OTHER: &str = "contains a job with other inputs or settings, or inputs that have changed since; \
                      give --restart to begin anew, or choose another --job";
+
+/// The error of a directory of the job `found`, which is not the one that is `wanted`. An input that both have, but not
+/// alike, has changed, and is named.
+fn other_job(path: &Path, found: &serde_json::Value, wanted: &serde_json::Value) -> JobError {
+    let inputs =
+        |identity: &serde_json::Value| identity["inputs"].as_array().cloned().unwrap_or_default();
+    let before = inputs(found);
+    let changed = inputs(wanted).into_iter().find(|input| {
+        let is_known = |known: &&serde_json::Value| known[0] == input[0];
+        before
+            .iter()
+            .find(is_known)
+            .is_some_and(|known| known != input)
+    });
+    match changed.as_ref().and_then(|input| input[0].as_str()) {
+        Some(input) => refused(
+            path,
+            &format!("{input} has changed since the job began; {RESTART}"),
+        ),
+        None => refused(path, OTHER),
+    }
+}
 
 fn refused(path: &Path, problem: &str) -> JobError {
     JobError::Refused(format!("{}: {problem}", path.display()))

@@ -19,7 +19,7 @@ use super::{
 use crate::{
     geometry::{Quantization, Rect, Stored},
     job::{JobError, resources::Budget},
-    las::{InputFile, expand_inputs},
+    las::{InputFile, PointFilter, expand_inputs},
     quality::{DistanceFigures, Uniformity},
     tile::{Opener, ScatterOptions, Source, Spill, TileError, scatter},
     tiling::CellGrid,
@@ -87,7 +87,7 @@ fn survey(paths: &[PathBuf]) -> Result<Vec<InputFile>, JobError> {
     if paths.is_empty() {
         return Ok(Vec::new());
     }
-    let files = expand_inputs(paths)?;
+    let files = expand_inputs(paths, &PointFilter::default())?;
     Ok(files
         .iter()
         .map(|path| InputFile::survey(path))
@@ -201,7 +201,7 @@ fn scatter_cloud(
         .collect();
     let options = ScatterOptions {
         record_length: BARE_BYTES,
-        threads: budget.decoders(),
+        threads: budget.decoders(cloud.iter().any(InputFile::is_remote)),
         buffer_bytes: budget.buffers(),
         // A measurement is not resumed.
         checkpoint_bytes: u64::MAX,

@@ -6,7 +6,7 @@ use super::bare_points::{BARE_BYTES, BarePoints};
 use crate::{
     geometry::Stored,
     job::JobError,
-    las::{InputFile, expand_inputs},
+    las::{InputFile, PointFilter, expand_inputs},
     quality::{DistanceFigures, DistanceTally},
     tile::{Source, SourceError, TileError},
 };
@@ -24,7 +24,7 @@ pub(crate) fn measure_against_surface(
     distance: impl Fn([f64; 3]) -> f64,
 ) -> Result<DistanceFigures, JobError> {
     let mut tally = DistanceTally::new(spacing);
-    for path in expand_inputs(files)? {
+    for path in expand_inputs(files, &PointFilter::default())? {
         let input = InputFile::survey(&path)?;
         let quantization = InputFile::common_quantization(std::iter::once(&input));
         let failed = |e: SourceError| JobError::Tile(TileError::Sources(vec![(0, e)]));

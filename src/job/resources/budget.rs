@@ -10,6 +10,9 @@ const BASE_BYTES: u64 = 48 << 20;
 /// Bytes of a decoder with its batches: LAZ models, raw and converted points, and points that wait
 /// for the writer.
 const BYTES_PER_DECODER: u64 = 16 << 20;
+/// Further bytes of a decoder of a remote file: what was requested before it is needed, by the decoder itself and for the
+/// part after it, and what waits for the checksum.
+const BYTES_PER_REMOTE_DECODER: u64 = 12 << 20;
 /// Bytes per point of a tile that is being read; the sort of the scan is the peak.
 const BYTES_PER_POINT_READ: f64 = 32.0;
 /// Bytes per point of a tile that is being solved.
@@ -70,10 +73,19 @@ impl Budget {
         (self.total.saturating_sub(BASE_BYTES) as f64 * LARGEST_SPILL_SHARE) as u64
     }
 
-    /// Number of decoders that may work at once.
-    pub(crate) fn decoders(&self) -> usize {
-        let affordable = (self.total.saturating_sub(BASE_BYTES) / 2 / BYTES_PER_DECODER) as usize;
+    /// Number of decoders that may work at once, of files of which some are remote or none.
+    pub(crate) fn decoders(&self, are_remote: bool) -> usize {
+        let bytes = match are_remote {
+            true => BYTES_PER_DECODER + BYTES_PER_REMOTE_DECODER,
+            false => BYTES_PER_DECODER,
+        };
+        let affordable = (self.total.saturating_sub(BASE_BYTES) / 2 / bytes) as usize;
         self.threads.min(affordable).max(1)
+    }
+
+    /// Bytes of a remote file that may wait in memory for those before them, for its checksum.
+    pub(crate) fn waiting_for_checksums(&self) -> u64 {
+        (self.total / 16).clamp(4 << 20, 64 << 20)
     }
 
     /// Bytes for the buffers of the scatter.

@@ -13,8 +13,8 @@ pub(crate) struct PlannedJob {
     pub(crate) directory: JobDirectory,
     /// The headers of the inputs, without the inputs that are left out.
     pub(crate) survey: Survey,
-    /// The checksums of the first inputs, which the output names.
-    pub(crate) checksums: Vec<String>,
+    /// The checksums of the first inputs, which the output names; `None` for those that are read in part.
+    pub(crate) checksums: Vec<Option<String>>,
     /// Numbers of points of each input.
     pub(crate) inputs: Vec<InputCount>,
     /// The spill, the plan and the options from which tiles are solved.

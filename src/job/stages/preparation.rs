@@ -1,5 +1,7 @@
 //! Everything that precedes the solving of tiles: survey, scatter, spacing, plan.
 
+use std::path::PathBuf;
+
 use super::{
     checksums::checksums,
     density::spacing_rules,
@@ -44,6 +46,7 @@ pub(crate) fn prepare(
 
     // End here if the output is complete, or must not be replaced.
     if directory.has_delivered(&job.output) {
+        job.upload(run.cancel)?;
         if !job.keep {
             directory.clear();
         }
@@ -52,6 +55,9 @@ pub(crate) fn prepare(
     if let Err(error) = job.check_free() {
         directory.abandon();
         return Err(error);
+    }
+    if job.destination.is_some() {
+        directory.for_upload()?;
     }
     run.clock.end_stage("survey");
 
@@ -112,7 +118,8 @@ fn survey_inputs(run: &RunContext<'_>) -> Result<(Survey, InputStamps), JobError
     for note in &survey.notes {
         run.progress.note(note);
     }
-    let inputs = InputStamps::of(survey.paths());
+    let left_out = survey.left_out.iter().map(|bad| PathBuf::from(&bad.path));
+    let inputs = InputStamps::of(survey.inputs.iter(), left_out);
     Ok((survey, inputs))
 }
 
@@ -125,7 +132,7 @@ fn scatter_and_plan(
     inputs: &InputStamps,
     worker: &Worker,
     readers: SpillReaders,
-) -> Result<(Survey, Vec<String>, TileSolver), JobError> {
+) -> Result<(Survey, Vec<Option<String>>, TileSolver), JobError> {
     let settings = &run.job.settings;
 
     // Scatter every point to the spill of its cell. Rules that no record can follow are refused before.

@@ -12,7 +12,10 @@ pub(super) fn provenance(settings: &Settings, planned: &PlannedJob) -> String {
         .zip(&planned.checksums)
         .map(|(input, checksum)| {
             let name = input.path.file_name().map(|name| name.to_string_lossy());
-            serde_json::json!({ "name": name, "sha256": checksum })
+            match checksum {
+                Some(checksum) => serde_json::json!({ "name": name, "sha256": checksum }),
+                None => serde_json::json!({ "name": name, "bytes": input.bytes, "is_read_in_part": true }),
+            }
         })
         .collect();
     let mut settings = Settings {

@@ -77,7 +77,7 @@ fn count_voxels(run: &RunContext<'_>, survey: &Survey) -> Result<VoxelCounts, Jo
         (counts, bad)
     };
     let of_threads: Vec<(VoxelCounts, Vec<LeftOut>)> = std::thread::scope(|scope| {
-        let threads: Vec<_> = (0..run.budget.decoders())
+        let threads: Vec<_> = (0..run.budget.decoders(survey.is_remote()))
             .map(|_| scope.spawn(work))
             .collect();
         let join = |thread: std::thread::ScopedJoinHandle<'_, _>| {

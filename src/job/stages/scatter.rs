@@ -5,6 +5,7 @@
 use std::path::Path;
 
 use super::{
+    checksums::begin_checksums,
     input_parts::InputPart,
     scan_groups::{POINTS, ScanGroups, open_spill, single_spill},
     survey::Survey,
@@ -261,10 +262,17 @@ impl Scatter<'_> {
         memory_bytes: u64,
     ) -> Result<Spill, JobError> {
         let Self { run, survey, .. } = *self;
+        let decoders = run.budget.decoders(survey.is_remote());
+        begin_checksums(survey, run.budget.waiting_for_checksums());
         let sources = parts
             .iter()
-            .map(|part| {
+            .enumerate()
+            .map(|(index, part)| {
                 let open = move |skip| {
+                    // The next parts are on their way while this one is decoded.
+                    for next in parts[index + 1..].iter().take(decoders) {
+                        survey.inputs[next.input].prefetch(&next.points);
+                    }
                     let rest = part.points.start + skip..part.points.end;
                     let input = &survey.inputs[part.input];
                     let (record, quantization) = (&survey.record, survey.quantization);
@@ -277,7 +285,7 @@ impl Scatter<'_> {
             .collect();
         let options = ScatterOptions {
             record_length: survey.record.record_length(),
-            threads: run.budget.decoders(),
+            threads: decoders,
             buffer_bytes: run.budget.buffers(),
             checkpoint_bytes: CHECKPOINT_BYTES,
             // Then the error names all files that fail, not only the first.

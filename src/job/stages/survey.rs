@@ -2,8 +2,6 @@
 
 use std::path::PathBuf;
 
-use rayon::prelude::*;
-
 use super::{compatibility::differences, reprojection::reprojected};
 use crate::{
     config::Settings,
@@ -62,11 +60,13 @@ impl Survey {
         settings: &Settings,
         leaves_out: bool,
     ) -> Result<Self, JobError> {
-        let paths = expand_inputs(arguments)?;
-        let surveyed: Vec<_> = paths
-            .par_iter()
-            .map(|path| InputFile::survey(path))
-            .collect();
+        // Bounds in another CRS than that of the files say nothing of those that a catalogue lists.
+        let filter = match settings.input.reproject {
+            Some(_) => &PointFilter::default(),
+            None => &settings.input.filter,
+        };
+        let paths = expand_inputs(arguments, filter)?;
+        let surveyed = InputFile::survey_all(&paths);
         let mut left_out = Vec::new();
         let mut inputs = Vec::new();
         for result in surveyed {
@@ -170,11 +170,9 @@ impl Survey {
         kept
     }
 
-    /// The paths of all inputs, and of the inputs that are left out.
-    pub(super) fn paths(&self) -> impl Iterator<Item = PathBuf> {
-        let inputs = self.inputs.iter().map(|input| input.path.clone());
-        let left_out = self.left_out.iter().map(|bad| PathBuf::from(&bad.path));
-        inputs.chain(left_out)
+    /// Whether an input is remote.
+    pub(super) fn is_remote(&self) -> bool {
+        self.inputs.iter().any(InputFile::is_remote)
     }
 
     /// The number of points that the headers claim.

@@ -10,12 +10,12 @@
 //! (The record of the compression, as `LASzip` writes it: compressor at byte 0, points to a chunk at byte 12,
 //! items of a point from byte 32, each of type, length and version.)
 
-use std::{
-    fs::File,
-    io::{self, BufReader, Read, Seek, SeekFrom},
-};
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
 
 use ::las::{point::Format, raw};
+use laz::{LazVlr, laszip::ChunkTable};
+
+use crate::store::{Source, SourceReader};
 
 /// The bit of a point format that says that points are compressed.
 pub(super) const COMPRESSED_BIT: u8 = 0x80;
@@ -36,11 +36,23 @@ const COMMON_LAYERS: usize = 9;
 pub(in crate::las) struct Chunk {
     /// The offset of the chunk in the file, in bytes.
     pub(in crate::las) offset: u64,
+    /// The length of the chunk in bytes.
+    pub(in crate::las) bytes: u64,
     /// The number of points.
     pub(in crate::las) points: u64,
     /// The rectangle in which the points lie, if it is known: least and greatest x and y, in
     /// world coordinates.
     pub(in crate::las) rectangle: Option<[[f64; 2]; 2]>,
+}
+
+/// What is known of the chunks of a file.
+pub(in crate::las) enum CompressedChunks {
+    /// Nothing: points are not compressed, or in chunks that are alike, which the decoder finds by their table.
+    Unknown,
+    /// All of them. They have layers, and each can be decoded by itself.
+    Layered(Vec<Chunk>),
+    /// All of them, by their table. They are alike except for the last one.
+    Alike(Vec<Chunk>),
 }
 
 /// What the record of the compression says.
@@ -106,16 +118,19 @@ struct CompressedPoints {
 /// the table has, and the lengths of the layers of every chunk. Returns the chunks, if
 /// they have layers and differ in length.
 ///
+/// Chunks of a remote file are those of its table: to look at each of them would take a request. Their layers are
+/// checked when they are decoded, by [`check_layers`].
+///
 /// # Errors
 ///
 /// A text that says what is wrong with the file.
 pub(super) fn check_compressed_points(
-    file: &mut BufReader<File>,
-    file_bytes: u64,
+    file: &mut BufReader<SourceReader>,
+    source: &Source,
     header: &raw::Header,
-    compression: &[u8],
-) -> Result<Option<Vec<Chunk>>, String> {
-    let compression = Compression::read(compression)?;
+    record: &[u8],
+) -> Result<CompressedChunks, String> {
+    let compression = Compression::read(record)?;
     let record_length = u64::from(header.point_data_record_length);
     if compression.point_length != record_length || record_length == 0 {
         return Err(format!(
@@ -127,23 +142,91 @@ pub(super) fn check_compressed_points(
     let points = CompressedPoints {
         claimed: large.unwrap_or_else(|| header.number_of_point_records.into()),
         start: header.offset_to_point_data.into(),
-        file_bytes,
+        file_bytes: source.bytes(),
         record_length,
         chunk_size: compression.chunk_size,
     };
     if compression.compressor == ONE_STREAM || points.claimed == 0 {
-        return Ok(None);
+        return Ok(CompressedChunks::Unknown);
     }
     let table = points.find_table(file).map_err(unreadable)?;
     if let Some(table) = table {
         points.check_table(table)?;
     }
-    let Some(layers) = layer_count(header)? else {
-        return Ok(None);
+    let layers = layer_count(header)?;
+    if let Some(table) = table.filter(|_| source.is_remote()) {
+        let chunks = points.read_table(file, table, record)?;
+        return Ok(match layers {
+            Some(_) => CompressedChunks::Layered(chunks),
+            None => CompressedChunks::Alike(chunks),
+        });
+    }
+    let Some(layers) = layers else {
+        return Ok(CompressedChunks::Unknown);
     };
-    let end = table.map_or(file_bytes, |table| table.offset);
+    let end = table.map_or(source.bytes(), |table| table.offset);
     let chunks = points.walk_chunks(file, layers, end)?;
-    Ok((points.chunk_size == VARIABLE_CHUNK_SIZE).then_some(chunks))
+    Ok(match points.chunk_size == VARIABLE_CHUNK_SIZE {
+        true => CompressedChunks::Layered(chunks),
+        false => CompressedChunks::Unknown,
+    })
+}
+
+/// Checks that the layers of `chunk`, of points in this `format`, are as long as the chunk, before a decoder makes room
+/// for them.
+///
+/// # Errors
+///
+/// A text that says what is wrong with the file.
+pub(in crate::las) fn check_layers(
+    file: &mut (impl Read + Seek),
+    chunk: &Chunk,
+    format: &Format,
+) -> Result<(), String> {
+    let layers = layers_of(format, u64::from(format.extra_bytes));
+    let head =
+        ChunkHead::read(file, chunk.offset, format.len().into(), layers).map_err(unreadable)?;
+    match head.end <= chunk.offset + chunk.bytes {
+        true => Ok(()),
+        false => Err(format!(
+            "is damaged: the chunk at byte {} is {} bytes long by its layers, and {} by the table",
+            chunk.offset,
+            head.end - chunk.offset,
+            chunk.bytes
+        )),
+    }
+}
+
+/// What a chunk with layers says of itself.
+struct ChunkHead {
+    /// The number of its points.
+    points: u64,
+    /// The offset of the byte after its last layer.
+    end: u64,
+}
+
+impl ChunkHead {
+    /// Reads the head of the chunk at `offset`.
+    fn read(
+        file: &mut (impl Read + Seek),
+        offset: u64,
+        record_length: u64,
+        layers: usize,
+    ) -> io::Result<Self> {
+        let mut count = [0; 4];
+        let mut sizes = vec![0; 4 * layers];
+        file.seek(SeekFrom::Start(offset + record_length))?;
+        file.read_exact(&mut count)?;
+        file.read_exact(&mut sizes)?;
+        let layer_bytes: u64 = sizes
+            .chunks_exact(4)
+            .map(|size| u64::from(u32::from_le_bytes([size[0], size[1], size[2], size[3]])))
+            .sum();
+        Ok(Self {
+            points: u32::from_le_bytes(count).into(),
+            end: offset + record_length + 4 + sizes.len() as u64 + layer_bytes,
+        })
+    }
 }
 
 fn unreadable(error: io::Error) -> String {
@@ -158,13 +241,16 @@ fn layer_count(header: &raw::Header) -> Result<Option<usize>, String> {
         return Ok(None);
     }
     let extra_bytes = header.point_data_record_length.saturating_sub(format.len());
-    Ok(Some(
-        COMMON_LAYERS
-            + usize::from(format.has_color)
-            + usize::from(format.has_nir)
-            + usize::from(format.has_waveform)
-            + usize::from(extra_bytes),
-    ))
+    Ok(Some(layers_of(&format, extra_bytes.into())))
+}
+
+/// The number of layers of points in `format` with `extra_bytes`.
+fn layers_of(format: &Format, extra_bytes: u64) -> usize {
+    COMMON_LAYERS
+        + usize::from(format.has_color)
+        + usize::from(format.has_nir)
+        + usize::from(format.has_waveform)
+        + extra_bytes as usize
 }
 
 impl CompressedPoints {
@@ -206,43 +292,81 @@ impl CompressedPoints {
         Ok(())
     }
 
+    /// The chunks as the `table` has them, by the `record` of the compression.
+    fn read_table(
+        &self,
+        file: &mut BufReader<SourceReader>,
+        table: TableClaim,
+        record: &[u8],
+    ) -> Result<Vec<Chunk>, String> {
+        let compression = LazVlr::read_from(record).map_err(|e| format!("is damaged: {e}"))?;
+        file.seek(SeekFrom::Start(self.start)).map_err(unreadable)?;
+        let entries = ChunkTable::read_from(file, &compression).map_err(|e| {
+            format!("is truncated or damaged: its table of chunks cannot be read: {e}")
+        })?;
+        let (mut offset, mut points) = (self.start + TABLE_OFFSET_BYTES, 0_u64);
+        let mut chunks = Vec::new();
+        for entry in &entries {
+            if points >= self.claimed {
+                break;
+            }
+            let left = self.claimed - points;
+            let chunk = Chunk {
+                offset,
+                bytes: entry.byte_count,
+                points: match self.chunk_size == VARIABLE_CHUNK_SIZE {
+                    true => entry.point_count,
+                    false => self.chunk_size.min(left),
+                },
+                rectangle: None,
+            };
+            let next = offset
+                .checked_add(chunk.bytes)
+                .filter(|&next| next <= table.offset);
+            offset = next.ok_or_else(|| {
+                format!(
+                    "is damaged: the chunk after point {points} is {} bytes long by the table, and its points end at {}",
+                    chunk.bytes, table.offset
+                )
+            })?;
+            points = points.saturating_add(chunk.points);
+            chunks.push(chunk);
+        }
+        match points < self.claimed {
+            true => Err(self.too_few(points)),
+            false => Ok(chunks),
+        }
+    }
+
     /// Goes from chunk to chunk up to the byte `end`, and returns them if their sizes differ.
     fn walk_chunks(
         &self,
-        file: &mut BufReader<File>,
+        file: &mut BufReader<SourceReader>,
         layers: usize,
         end: u64,
     ) -> Result<Vec<Chunk>, String> {
         let (mut offset, mut points) = (self.start + TABLE_OFFSET_BYTES, 0);
         let mut chunks = Vec::new();
-        let mut sizes = vec![0; 4 * layers];
         while points < self.claimed && offset < end {
-            let mut count = [0; 4];
-            file.seek(SeekFrom::Start(offset + self.record_length))
-                .and_then(|_| file.read_exact(&mut count))
-                .and_then(|()| file.read_exact(&mut sizes))
-                .map_err(unreadable)?;
-            let layer_bytes: u64 = sizes
-                .chunks_exact(4)
-                .map(|size| u64::from(u32::from_le_bytes([size[0], size[1], size[2], size[3]])))
-                .sum();
-            let next = offset + self.record_length + 4 + sizes.len() as u64 + layer_bytes;
-            if next > end {
+            let head = ChunkHead::read(file, offset, self.record_length, layers);
+            let head = head.map_err(unreadable)?;
+            if head.end > end {
                 return Err(format!(
-                    "is damaged: the chunk after point {points} reaches to byte {next}, and its \
-                     points end at {end}"
+                    "is damaged: the chunk after point {points} reaches to byte {}, and its \
+                     points end at {end}",
+                    head.end
                 ));
             }
-            let count = u64::from(u32::from_le_bytes(count));
             if self.chunk_size == VARIABLE_CHUNK_SIZE {
                 chunks.push(Chunk {
                     offset,
-                    points: count,
+                    bytes: head.end - offset,
+                    points: head.points,
                     rectangle: None,
                 });
             }
-            points += count;
-            offset = next;
+            points += head.points;
+            offset = head.end;
         }
         match points < self.claimed {
             true => Err(self.too_few(points)),

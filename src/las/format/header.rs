@@ -5,7 +5,6 @@
 //! to fit.
 
 use std::{
-    fs::File,
     io::{BufReader, Read, Seek},
     ops::Range,
     path::Path,
@@ -14,12 +13,13 @@ use std::{
 use ::las::raw;
 
 use super::{
-    chunk_table::{COMPRESSED_BIT, Chunk, check_compressed_points},
+    chunk_table::{COMPRESSED_BIT, CompressedChunks, check_compressed_points},
     vlr::{VLR_HEAD_BYTES, check_records},
 };
 use crate::{
     geometry::{Quantization, Stored},
     las::error::LasError,
+    store::{Source, SourceReader},
 };
 
 /// The length of the public header block of LAS 1.0 to 1.2 in bytes; later ones are longer.
@@ -43,23 +43,24 @@ pub(in crate::las) const EXTENDED_COUNT: Range<u64> = 243..247;
 pub(in crate::las) struct CheckedHeader {
     /// The public header block.
     pub(in crate::las) header: raw::Header,
-    /// The chunks of the points, if they have layers and differ in length.
-    pub(in crate::las) chunks: Option<Vec<Chunk>>,
+    /// The chunks of the points, as far as they have to be known.
+    pub(in crate::las) chunks: CompressedChunks,
 }
 
 impl CheckedHeader {
-    /// Reads the header of the LAS or LAZ file at `path`, of `bytes` bytes.
+    /// Reads the header of the LAS or LAZ file `source`.
     ///
     /// # Errors
     ///
     /// If the file is neither, is of an unknown version, or cannot have what it announces.
-    pub(in crate::las) fn read(path: &Path, bytes: u64) -> Result<Self, LasError> {
+    pub(in crate::las) fn read(source: &Source) -> Result<Self, LasError> {
+        let (path, bytes) = (source.path(), source.bytes());
         let wrong = |problem: String| LasError::new(path, problem);
         if bytes == 0 {
             return Err(wrong("is empty (0 bytes)".into()));
         }
-        let file = File::open(path).map_err(|e| LasError::unreadable(path, e))?;
-        let mut file = BufReader::new(file);
+        let file = source.open(&[]);
+        let mut file = BufReader::new(file.map_err(|e| LasError::unreadable(path, e))?);
         check_signature(&mut file, path)?;
         if bytes < SHORTEST_HEADER_BYTES {
             return Err(wrong(format!(
@@ -73,20 +74,20 @@ impl CheckedHeader {
             .map_err(|e| wrong(format!("has no readable header: {e}")))?;
         check_announcements(&header, bytes).map_err(wrong)?;
         let compression = check_records(&mut file, &header).map_err(wrong)?;
-        let mut chunks = None;
+        let mut chunks = CompressedChunks::Unknown;
         if header.point_data_record_format & COMPRESSED_BIT != 0 {
             let compression = compression.ok_or_else(|| {
                 wrong("is damaged: points are compressed, but no record says how".into())
             })?;
-            chunks =
-                check_compressed_points(&mut file, bytes, &header, &compression).map_err(wrong)?;
+            let checked = check_compressed_points(&mut file, source, &header, &compression);
+            chunks = checked.map_err(wrong)?;
         }
         Ok(Self { header, chunks })
     }
 }
 
 /// Checks that the file begins as LAS and LAZ do.
-fn check_signature(file: &mut BufReader<File>, path: &Path) -> Result<(), LasError> {
+fn check_signature(file: &mut BufReader<SourceReader>, path: &Path) -> Result<(), LasError> {
     let mut signature = Vec::new();
     file.by_ref()
         .take(4)

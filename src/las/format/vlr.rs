@@ -10,13 +10,13 @@
 //! ```
 
 use std::{
-    fs::File,
     io::{self, BufReader, Read, Seek, SeekFrom},
     ops::Range,
-    path::Path,
 };
 
 use ::las::{Vlr, raw};
+
+use crate::store::{Source, SourceReader};
 
 /// The length of the head of a record, in bytes.
 pub(super) const VLR_HEAD_BYTES: u64 = 54;
@@ -50,7 +50,7 @@ const EXTENDED_DESCRIPTION: Range<usize> = 28..60;
 ///
 /// A text that says what is wrong with the file.
 pub(super) fn check_records(
-    file: &mut BufReader<File>,
+    file: &mut BufReader<SourceReader>,
     header: &raw::Header,
 ) -> Result<Option<Vec<u8>>, String> {
     let end = u64::from(header.offset_to_point_data);
@@ -84,15 +84,15 @@ pub(super) fn check_records(
     Ok(compression)
 }
 
-/// Reads the extended records of the file at `path`, but those of more than 16 MiB:
+/// Reads the extended records of the file `source`, but those of more than 16 MiB:
 /// hierarchies and wave packets may be huge, and are of no use here. Returns `None` if they
 /// cannot be read.
-pub(in crate::las) fn extended_records(path: &Path, header: &raw::Header) -> Option<Vec<Vlr>> {
+pub(in crate::las) fn extended_records(source: &Source, header: &raw::Header) -> Option<Vec<Vlr>> {
     let Some(evlr) = header.evlr else {
         return Some(Vec::new());
     };
-    let mut file = File::open(path).ok()?;
-    let bytes = file.metadata().ok()?.len();
+    let mut file = source.open(&[]).ok()?;
+    let bytes = source.bytes();
     let mut at = evlr.start_of_first_evlr;
     let mut vlrs = Vec::new();
     for _ in 0..evlr.number_of_evlrs {
@@ -105,6 +105,7 @@ pub(in crate::las) fn extended_records(path: &Path, header: &raw::Header) -> Opt
             return None;
         }
         if length <= LONGEST_EVLR_BYTES {
+            file.expect(at - length..at);
             let mut data = Vec::new();
             file.by_ref().take(length).read_to_end(&mut data).ok()?;
             vlrs.push(Vlr {

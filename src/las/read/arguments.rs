@@ -2,21 +2,37 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::las::error::LasError;
+use super::{
+    catalogue::{files_in, is_catalogue},
+    point_filter::PointFilter,
+};
+use crate::{las::error::LasError, store::is_remote};
 
-/// Lists the scans that `arguments` name: a file as it is; all `.las` and `.laz` files in a
-/// directory, at any depth; every match of a pattern (`city/*.laz`). They are sorted, and
-/// each file is listed once.
+/// Lists the scans that `arguments` name: a file or an address as it is; all `.las` and `.laz` files in a
+/// directory, at any depth; every match of a pattern (`city/*.laz`); of a catalogue those files in which there may be
+/// points that `filter` accepts. They are sorted, and each file is listed once.
 ///
 /// # Errors
 ///
 /// If a file does not exist, a directory has no scans, a pattern matches nothing, or a name
-/// is neither a file nor a directory.
-pub(crate) fn expand_inputs(arguments: &[PathBuf]) -> Result<Vec<PathBuf>, LasError> {
+/// is neither a file nor a directory, or if a catalogue cannot be read.
+pub(crate) fn expand_inputs(
+    arguments: &[PathBuf],
+    filter: &PointFilter,
+) -> Result<Vec<PathBuf>, LasError> {
     let mut files = Vec::new();
     for argument in arguments {
         let before = files.len();
-        if argument.is_dir() {
+        if is_catalogue(argument) && (is_remote(argument) || argument.is_file()) {
+            files.extend(files_in(argument, filter)?);
+        } else if is_remote(argument) && argument.to_string_lossy().contains('*') {
+            return Err(LasError::new(
+                argument,
+                "is a pattern, and what lies in a store is not listed; give a catalogue (.vpc), or addresses with --from-list",
+            ));
+        } else if is_remote(argument) {
+            files.push(argument.clone());
+        } else if argument.is_dir() {
             collect_scans(argument, &mut files)?;
             if files.len() == before {
                 return Err(LasError::new(
@@ -117,7 +133,8 @@ mod tests {
             dir.path().join("*.laz"),
             dir.path().join("./deep/../a.LAS"),
         ];
-        let names: Vec<String> = expand_inputs(&arguments)
+        let filter = PointFilter::default();
+        let names: Vec<String> = expand_inputs(&arguments, &filter)
             .unwrap()
             .iter()
             .map(|p| p.file_name().unwrap().to_string_lossy().into_owned())
@@ -128,11 +145,12 @@ mod tests {
     #[test]
     fn a_missing_file_is_named_in_the_error() {
         let dir = tempfile::tempdir().unwrap();
+        let filter = PointFilter::default();
         for missing in ["no.laz", "*.laz", "["] {
-            let error = expand_inputs(&[dir.path().join(missing)]).unwrap_err();
+            let error = expand_inputs(&[dir.path().join(missing)], &filter).unwrap_err();
             assert!(error.to_string().contains(missing), "{error}");
         }
-        let error = expand_inputs(&[dir.path().to_path_buf()]).unwrap_err();
+        let error = expand_inputs(&[dir.path().to_path_buf()], &filter).unwrap_err();
         assert!(error.to_string().contains("no .las or .laz"), "{error}");
     }
 }

@@ -1,18 +1,35 @@
 //! The bounds of an input: what the header claims, and what the points say.
 
+use std::io::{Read, Seek, SeekFrom};
+
 use ::las::Reader;
 
 use super::{guard::guarded, input::InputFile};
-use crate::las::format::fields::coordinates;
+use crate::las::format::{
+    chunk_table::{Chunk, CompressedChunks},
+    fields::coordinates,
+};
+
+/// The bytes of the coordinates of a point, at its beginning.
+const COORDINATES_BYTES: usize = 12;
 
 /// Half a stored unit for the rounding of a coordinate, and one for that of a header which
 /// was written in decimals.
 pub(super) const BOUNDS_TOLERANCE: f64 = 1.5;
 
 impl InputFile {
-    /// Compares the claimed bounds with the first point of `reader`. If they cannot be true,
-    /// reads all points for their bounds, and notes it.
-    pub(super) fn verify_bounds(&mut self, reader: &mut Reader) {
+    /// Compares the claimed bounds with the first point of `reader`, or of the `chunks` if they are known. If they cannot
+    /// be true, reads all points for their bounds, and notes it.
+    pub(super) fn verify_bounds(&mut self, reader: &mut Reader, chunks: &CompressedChunks) {
+        let chunks = match chunks {
+            CompressedChunks::Layered(chunks) | CompressedChunks::Alike(chunks) => chunks.first(),
+            CompressedChunks::Unknown => None,
+        };
+        // The decoder would read all of the first chunk.
+        let known = chunks.and_then(|chunk| self.bounds_of_first(chunk));
+        if known.is_some_and(|first| self.can_have_bounds_of(&first)) {
+            return;
+        }
         if let Some(first) = self.bounds_of_next(reader, 1)
             && !self.can_have_bounds_of(&first)
         {
@@ -20,6 +37,16 @@ impl InputFile {
             let note = "the bounds in its header are not those of its points";
             self.notes.push(note.into());
         }
+    }
+
+    /// The bounds of the first point of `chunk`, which is not compressed.
+    fn bounds_of_first(&self, chunk: &Chunk) -> Option<[[f64; 3]; 2]> {
+        let mut raw = [0; COORDINATES_BYTES];
+        let mut file = self.source.open(&[]).ok()?;
+        file.seek(SeekFrom::Start(chunk.offset)).ok()?;
+        file.read_exact(&mut raw).ok()?;
+        let stored = coordinates(&raw);
+        Some([self.world(stored); 2])
     }
 
     /// Whether the claimed bounds can be true of a file with a point at `first`.
@@ -61,8 +88,10 @@ impl InputFile {
                 bounds[1][axis] = bounds[1][axis].max(stored);
             }
         }
-        Some(bounds.map(|corner| {
-            [0, 1, 2].map(|axis| self.offset[axis] + f64::from(corner[axis]) * self.scale[axis])
-        }))
+        Some(bounds.map(|corner| self.world(corner)))
+    }
+
+    fn world(&self, stored: [i32; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|axis| self.offset[axis] + f64::from(stored[axis]) * self.scale[axis])
     }
 }

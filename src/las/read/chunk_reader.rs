@@ -1,20 +1,24 @@
 //! LAZ whose chunks differ in length, as those of an octree do, chunk by chunk.
 
 use std::{
-    fs::File,
     io::{Seek, SeekFrom},
     ops::Range,
-    path::Path,
 };
 
-use ::las::copc::{CopcHierarchyVlr, CopcInfoVlr};
+use ::las::{
+    copc::{CopcHierarchyVlr, CopcInfoVlr},
+    point::Format,
+};
 use laz::{
     LazItem,
     record::{LayeredPointRecordDecompressor, RecordDecompressor},
 };
 
-use super::guard::{DECODER_FAILED, GuardedFile, guarded};
-use crate::las::format::chunk_table::Chunk;
+use super::{
+    guard::{DECODER_FAILED, GuardedFile, guarded},
+    input::InputFile,
+};
+use crate::las::format::chunk_table::{Chunk, check_layers};
 
 /// The levels that an octree can have: beyond them bits of a node's number would be lost.
 const LEVELS: Range<i32> = 0..31;
@@ -45,21 +49,26 @@ pub(super) struct ChunkReader {
     chunks: Vec<Chunk>,
     /// The number of points of the present chunk that are still to be read.
     left: u64,
+    /// The format of the points, if the layers of chunks were not checked in the survey.
+    unchecked: Option<Format>,
 }
 
 impl ChunkReader {
-    /// Opens the file at `path`, whose points are the `chunks`, at the points `range`.
+    /// Opens `input`, whose points are the `chunks`, at the points `range`.
     ///
     /// # Errors
     ///
     /// A text that says what is wrong with the file.
     pub(super) fn open(
-        path: &Path,
+        input: &InputFile,
         items: Vec<LazItem>,
         chunks: &[Chunk],
         range: &Range<u64>,
     ) -> Result<Self, String> {
-        let file = File::open(path).and_then(GuardedFile::new);
+        let file = input
+            .source
+            .open(&input.byte_ranges(range))
+            .and_then(GuardedFile::new);
         let file = file.map_err(|e| format!("cannot be read: {e}"))?;
         let (mut first, mut before) = (0, 0);
         while let Some(chunk) = chunks.get(first)
@@ -73,6 +82,7 @@ impl ChunkReader {
             items,
             chunks: chunks[first..].iter().rev().copied().collect(),
             left: 0,
+            unchecked: input.source.is_remote().then_some(input.format),
         };
         let mut raw = Vec::new();
         reader.fill(range.start - before, &mut raw)?;
@@ -112,6 +122,9 @@ impl ChunkReader {
 
     /// Moves to the first point of `chunk`.
     fn enter(&mut self, chunk: &Chunk) -> Result<(), String> {
+        if let Some(format) = &self.unchecked {
+            check_layers(self.decompressor.get_mut(), chunk, format)?;
+        }
         let sought = self
             .decompressor
             .get_mut()

@@ -115,12 +115,16 @@ impl Decoder {
         if let Some(vertices) = VertexDecoder::open(input, part.start)? {
             return Ok(Self::Vertices(vertices));
         }
-        let mut reader = open_las(&input.path)?;
+        let ranges = match input.chunks() {
+            Some(_) => Vec::new(),
+            None => input.byte_ranges(part),
+        };
+        let mut reader = open_las(&input.source, &ranges)?;
         if let Some(chunks) = input.chunks() {
             let wrong = |problem| LasError::new(&input.path, problem);
             let items = reader.header().laz_vlr().map(|vlr| vlr.items().clone());
             let items = items.map_err(|e| wrong(format!("cannot be opened: {e}")))?;
-            let reader = ChunkReader::open(&input.path, items, chunks, part).map_err(wrong)?;
+            let reader = ChunkReader::open(input, items, chunks, part).map_err(wrong)?;
             return Ok(Self::Chunks {
                 reader,
                 raw: Vec::new(),
@@ -128,7 +132,7 @@ impl Decoder {
         }
         if part.start > 0 && !seek_to_point(&mut reader, part.start) {
             // A reader that has failed to seek is of no use any more.
-            reader = open_las(&input.path)?;
+            reader = open_las(&input.source, &ranges)?;
             if !skip_points(&mut reader, part.start, input.batch_points()) {
                 let problem = format!(
                     "is damaged: point {} of {} cannot be reached",

@@ -6,12 +6,14 @@
 
 use std::{
     cell::Cell,
-    fs::File,
     io::{self, BufReader, Read, Seek, SeekFrom},
     panic::{AssertUnwindSafe, catch_unwind},
 };
 
-use crate::las::format::header::{EXTENDED_COUNT, VERSION};
+use crate::{
+    las::format::header::{EXTENDED_COUNT, VERSION},
+    store::SourceReader,
+};
 
 /// The most bytes of stack that decoding may take. Sound files take a few thousand and
 /// threads have two million; between two reads a decoder that calls itself takes some
@@ -51,7 +53,7 @@ fn stack_address() -> usize {
 /// The number of extended records in its header reads as 0: the reader of points would read
 /// the first of them into memory, however long it is.
 pub(super) struct GuardedFile {
-    file: BufReader<File>,
+    file: BufReader<SourceReader>,
     /// The offset of the next byte.
     at: u64,
     /// Whether the header has a number of extended records (LAS 1.4).
@@ -64,7 +66,7 @@ impl GuardedFile {
     /// # Errors
     ///
     /// If the file cannot be read up to the version of its header.
-    pub(super) fn new(mut file: File) -> io::Result<Self> {
+    pub(super) fn new(mut file: SourceReader) -> io::Result<Self> {
         let mut beginning = [0; VERSION.end];
         file.read_exact(&mut beginning)?;
         file.rewind()?;
@@ -138,7 +140,13 @@ impl Seek for GuardedFile {
 
 #[cfg(test)]
 mod tests {
+    use std::{fs::File, path::Path};
+
     use super::*;
+
+    fn open(path: &Path) -> GuardedFile {
+        GuardedFile::new(SourceReader::File(File::open(path).unwrap())).unwrap()
+    }
 
     fn sink(file: &mut GuardedFile) -> io::Result<usize> {
         let mut byte = [0; 1];
@@ -151,7 +159,7 @@ mod tests {
     fn a_decoder_that_calls_itself_without_end_is_stopped() {
         let path = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(path.path(), vec![0; 4 << 20]).unwrap();
-        let mut file = GuardedFile::new(File::open(path.path()).unwrap()).unwrap();
+        let mut file = open(path.path());
         let error = guarded(|| sink(&mut file)).unwrap().unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::InvalidData);
         assert!(file.at < 1 << 20);
@@ -170,7 +178,7 @@ mod tests {
         content[24..26].copy_from_slice(&[1, 4]);
         std::fs::write(path.path(), &content).unwrap();
         content[243..247].fill(0);
-        let mut file = GuardedFile::new(File::open(path.path()).unwrap()).unwrap();
+        let mut file = open(path.path());
         for (from, length) in [
             (0, 2000),
             (240, 5),

@@ -11,6 +11,7 @@ use crate::las::{
     format::{chunk_table::Chunk, conversion::InputLayout, crs::Crs, extra_bytes::ExtraAttribute},
     reproject::Reprojection,
 };
+use crate::store::Source;
 
 /// The most points that are decoded at a time.
 const BATCH_POINTS: u64 = 65_536;
@@ -22,8 +23,10 @@ pub(super) const FARTHEST_COORDINATE: f64 = 1e12;
 /// An input file, by what its headers say.
 #[derive(Clone, Debug)]
 pub(crate) struct InputFile {
-    /// The path of the file.
+    /// The path of the file, or its address without secrets.
     pub(crate) path: PathBuf,
+    /// The file, or the object, whose bytes are read.
+    pub(crate) source: Source,
     /// The length of the file in bytes.
     pub(crate) bytes: u64,
     /// The LAS version: major and minor.
@@ -51,6 +54,8 @@ pub(crate) struct InputFile {
     pub(crate) generating_software: String,
     /// Sentences about what is unusual, for the report: the file is the subject.
     pub(crate) notes: Vec<String>,
+    /// The offset of the points in the file, in bytes.
+    pub(super) points_start: u64,
     pub(super) format: Format,
     pub(super) entry_points: EntryPoints,
     /// The way of the points to another CRS, if they take one: bounds and CRS are those after it.
@@ -74,6 +79,8 @@ pub(super) enum EntryPoints {
     First,
     /// Every point of a LAS or LAZ file whose index is a multiple of this.
     MultiplesOf(u64),
+    /// The first points of these chunks of a LAZ file, which are alike except for the last one.
+    AlikeChunks(Arc<[Chunk]>),
     /// The first points of these chunks of a LAZ file.
     Chunks {
         chunks: Arc<[Chunk]>,
@@ -106,6 +113,11 @@ impl InputFile {
             EntryPoints::Chunks { chunks, .. } => Some(chunks),
             _ => None,
         }
+    }
+
+    /// Whether the file is read from a server or a store.
+    pub(crate) fn is_remote(&self) -> bool {
+        self.source.is_remote()
     }
 
     /// The common name of the file's kind.

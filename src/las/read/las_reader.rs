@@ -1,19 +1,22 @@
 //! The reader of LAS, and of LAZ whose chunks are alike.
 
-use std::{fs::File, path::Path};
+use std::ops::Range;
 
 use ::las::{LazParallelism, Reader, ReaderOptions};
 
 use super::guard::{GuardedFile, guarded};
-use crate::las::error::LasError;
+use crate::{las::error::LasError, store::Source};
 
-/// Opens the LAS or LAZ file at `path`.
+/// Opens the LAS or LAZ file `source`, of which `ranges` will be read.
 ///
 /// # Errors
 ///
 /// If the file cannot be opened, or is damaged.
-pub(super) fn open_las(path: &Path) -> Result<Reader, LasError> {
-    let file = File::open(path).map_err(|e| LasError::unreadable(path, e))?;
+pub(super) fn open_las(source: &Source, ranges: &[Range<u64>]) -> Result<Reader, LasError> {
+    let path = source.path();
+    let file = source
+        .open(ranges)
+        .map_err(|e| LasError::unreadable(path, e))?;
     // Parts of files are decoded in parallel, by a reader each: the parallel
     // decoder needs memory for whole chunks, and some files are a single one.
     let options = ReaderOptions::default().with_laz_parallelism(LazParallelism::No);

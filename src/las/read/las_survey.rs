@@ -4,8 +4,6 @@
 //! of the file before anything is allocated by them, and its bounds are never
 //! relied on.
 
-use std::path::Path;
-
 use ::las::{Header, Reader, Vlr, copc::CopcHierarchyVlr, point::Format, raw};
 
 use super::{
@@ -17,50 +15,52 @@ use super::{
 use crate::las::{
     error::LasError,
     format::{
-        chunk_table::Chunk,
+        chunk_table::{Chunk, CompressedChunks},
         crs::Crs,
         extra_bytes::{DESCRIPTOR_BYTES, ExtraAttribute, total_length},
         header::CheckedHeader,
         vlr::{CARRIED_RECORDS, EXTRA_BYTES_RECORD, SPECIFICATION_USER, extended_records, text_of},
     },
 };
+use crate::store::Source;
 
 /// The scales that can be meant, in CRS units: from far below an atom to a planet.
 const PLAUSIBLE_SCALES: std::ops::RangeInclusive<f64> = 1e-12..=1e6;
 
 impl InputFile {
-    /// Reads the headers of the LAS, LAZ or COPC file at `path`, of `bytes` bytes.
+    /// Reads the headers of the LAS, LAZ or COPC file `source`.
     ///
     /// # Errors
     ///
     /// If the file is none, cannot be read, or its headers contradict its length.
-    pub(super) fn survey_las(path: &Path, bytes: u64) -> Result<Self, LasError> {
-        let CheckedHeader { header, chunks } = CheckedHeader::read(path, bytes)?;
-        let mut input = Self::of_header(path, bytes, &header)?;
-        let mut reader = open_las(path)?;
+    pub(super) fn survey_las(source: Source) -> Result<Self, LasError> {
+        let CheckedHeader { header, chunks } = CheckedHeader::read(&source)?;
+        let mut input = Self::of_header(source, &header)?;
+        let mut reader = open_las(&input.source, &[])?;
         let las = reader.header().clone();
         input.format = *las.point_format();
         input.points_claimed = las.number_of_points();
-        let extended = extended_records(path, &header).unwrap_or_else(|| {
+        let extended = extended_records(&input.source, &header).unwrap_or_else(|| {
             let note = "some extended variable length records cannot be read";
             input.notes.push(note.into());
             Vec::new()
         });
         let vlrs: Vec<&Vlr> = las.all_vlrs().chain(&extended).collect();
         input.take_records(&vlrs);
-        input.check_room(header.offset_to_point_data.into())?;
+        input.check_room()?;
         if input.points_claimed == 0 {
             input.notes.push("has no points".into());
         } else {
-            input.verify_bounds(&mut reader);
+            input.verify_bounds(&mut reader, &chunks);
         }
         if input.format.has_waveform {
             let note = "wave packets are not carried over";
             input.notes.push(note.into());
         }
         input.entry_points = match chunks {
-            Some(chunks) => entry_points_of_chunks(chunks, &las, &extended),
-            None => input
+            CompressedChunks::Layered(chunks) => entry_points_of_chunks(chunks, &las, &extended),
+            CompressedChunks::Alike(chunks) => EntryPoints::AlikeChunks(chunks.into()),
+            CompressedChunks::Unknown => input
                 .find_stride(&mut reader)
                 .map_or(EntryPoints::First, EntryPoints::MultiplesOf),
         };
@@ -68,8 +68,8 @@ impl InputFile {
     }
 
     /// An input of which only the public header block is known.
-    fn of_header(path: &Path, bytes: u64, header: &raw::Header) -> Result<Self, LasError> {
-        let wrong = |problem: String| LasError::new(path, problem);
+    fn of_header(source: Source, header: &raw::Header) -> Result<Self, LasError> {
+        let wrong = |problem: String| LasError::new(source.path(), problem);
         let format = Format::new(header.point_data_record_format)
             .map_err(|e| wrong(format!("unknown point format: {e}")))?;
         let scale = [
@@ -93,8 +93,9 @@ impl InputFile {
             [header.max_x, header.max_y, header.max_z],
         ];
         Ok(Self {
-            path: path.to_owned(),
-            bytes,
+            path: source.path().to_owned(),
+            bytes: source.bytes(),
+            source,
             version: [header.version.major, header.version.minor],
             points_claimed: 0,
             bounds_claimed: claimed,
@@ -107,6 +108,7 @@ impl InputFile {
             has_standard_time: header.global_encoding & 1 == 1,
             generating_software: text_of(&header.generating_software),
             notes: Vec::new(),
+            points_start: header.offset_to_point_data.into(),
             format,
             entry_points: EntryPoints::First,
             placement: None,
@@ -124,13 +126,12 @@ impl InputFile {
         self.extra_bytes = extra_bytes(vlrs, self.format.extra_bytes.into(), &mut self.notes);
     }
 
-    /// Checks that an uncompressed file is long enough for the points that it claims, of
-    /// which the first is at the byte `start`.
-    fn check_room(&self, start: u64) -> Result<(), LasError> {
+    /// Checks that an uncompressed file is long enough for the points that it claims.
+    fn check_room(&self) -> Result<(), LasError> {
         if self.format.is_compressed {
             return Ok(());
         }
-        let room = self.bytes.saturating_sub(start) / u64::from(self.format.len());
+        let room = self.bytes.saturating_sub(self.points_start) / u64::from(self.format.len());
         match room < self.points_claimed {
             true => Err(LasError::new(
                 &self.path,

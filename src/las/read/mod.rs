@@ -6,6 +6,8 @@
 
 pub(super) mod arguments;
 mod bounds;
+mod byte_ranges;
+mod catalogue;
 mod chunk_reader;
 pub(super) mod counts;
 mod decoder;

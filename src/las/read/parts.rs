@@ -10,17 +10,34 @@ use crate::las::format::chunk_table::Chunk;
 
 /// The most parts of a file: a header's claim must not say how much is allocated.
 const MOST_PARTS: u64 = 4096;
+/// The most points of a part of a remote file, as long as there are not too many parts: they take about four million bytes.
+const REMOTE_POINTS: u64 = 250_000;
 
 impl InputFile {
+    /// Whether the `parts` that take part in a run are all points of the file.
+    pub(crate) fn is_read_whole(&self, filter: &PointFilter) -> bool {
+        let parts = self.parts(u64::MAX, filter);
+        let points: u64 = parts.iter().map(|part| part.end - part.start).sum();
+        points == self.points_claimed
+    }
+
     /// The points of the file, by index, in parts that can be read apart from each other,
     /// each of approximately `points`. Chunks of an octree of which `filter` accepts no point
     /// are left out.
     pub(crate) fn parts(&self, points: u64, filter: &PointFilter) -> Vec<Range<u64>> {
         let all = self.points_claimed;
+        // What is read ahead of the decoder is the beginning of the next parts: they should not be much longer.
+        let points = if self.source.is_remote() {
+            points.min(REMOTE_POINTS)
+        } else {
+            points
+        };
         let points = points.max(all.div_ceil(MOST_PARTS));
         let length = match &self.entry_points {
             EntryPoints::MultiplesOf(stride) => points.div_ceil(*stride).saturating_mul(*stride),
-            EntryPoints::Chunks { chunks, .. } => return runs_of(chunks, points, all, filter),
+            EntryPoints::Chunks { chunks, .. } | EntryPoints::AlikeChunks(chunks) => {
+                return runs_of(chunks, points, all, filter);
+            }
             _ => all,
         };
         let starts = (0..all.max(1)).step_by(usize::try_from(length.max(1)).unwrap_or(usize::MAX));

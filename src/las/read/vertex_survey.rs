@@ -11,9 +11,12 @@ use super::{
     input::{EntryPoints, FARTHEST_COORDINATE, InputFile},
     ply::PlyFile,
 };
-use crate::las::{
-    error::LasError,
-    format::{extra_bytes::total_length, vertex_layout::VertexLayout},
+use crate::{
+    las::{
+        error::LasError,
+        format::{extra_bytes::total_length, vertex_layout::VertexLayout},
+    },
+    store::Source,
 };
 
 /// The finest scale that is given to points, in CRS units.
@@ -54,12 +57,13 @@ impl PositionTally {
 }
 
 impl InputFile {
-    /// Reads all vertices of the polygon file at `path`.
+    /// Reads all vertices of the polygon file `source`.
     ///
     /// # Errors
     ///
     /// If the file cannot be read, or a coordinate is not finite or farther than 10¹².
-    pub(super) fn survey_ply(path: &Path, bytes: u64) -> Result<Self, LasError> {
+    pub(super) fn survey_ply(source: Source) -> Result<Self, LasError> {
+        let path = source.path();
         let file = PlyFile::survey(path)?;
         let mut tally = PositionTally::new();
         let mut stream = file.open()?;
@@ -71,17 +75,18 @@ impl InputFile {
         Ok(Self {
             crs,
             has_standard_time,
-            ..Self::of_vertices(path, bytes, &layout, &tally, EntryPoints::Ply(file))?
+            ..Self::of_vertices(source, &layout, &tally, EntryPoints::Ply(file))?
         })
     }
 
-    /// Reads all points of the E57 file at `path`.
+    /// Reads all points of the E57 file `source`.
     ///
     /// # Errors
     ///
     /// If the file cannot be read, or a coordinate is not finite or farther than 10¹².
     #[cfg(feature = "e57")]
-    pub(super) fn survey_e57(path: &Path, bytes: u64) -> Result<Self, LasError> {
+    pub(super) fn survey_e57(source: Source) -> Result<Self, LasError> {
+        let path = source.path();
         let file = E57File::survey(path)?;
         let mut tally = PositionTally::new();
         for values in file.open() {
@@ -91,17 +96,17 @@ impl InputFile {
         let layout = file.layout();
         Ok(Self {
             crs: file.crs(),
-            ..Self::of_vertices(path, bytes, &layout, &tally, EntryPoints::E57(file))?
+            ..Self::of_vertices(source, &layout, &tally, EntryPoints::E57(file))?
         })
     }
 
     fn of_vertices(
-        path: &Path,
-        bytes: u64,
+        source: Source,
         layout: &VertexLayout,
         tally: &PositionTally,
         entry_points: EntryPoints,
     ) -> Result<Self, LasError> {
+        let path = source.path();
         let mut notes = Vec::new();
         let mut bounds = tally.bounds;
         if tally.count == 0 {
@@ -122,7 +127,8 @@ impl InputFile {
         })?;
         Ok(Self {
             path: path.to_owned(),
-            bytes,
+            bytes: source.bytes(),
+            source,
             version: [1, 0],
             points_claimed: tally.count,
             bounds_claimed: bounds,
@@ -135,6 +141,7 @@ impl InputFile {
             has_standard_time: false,
             generating_software: String::new(),
             notes,
+            points_start: 0,
             format,
             entry_points,
             placement: None,

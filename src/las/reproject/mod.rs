@@ -4,10 +4,12 @@
 //! shifted: two systems on different datums are refused, unless both are defined as coinciding with WGS 84.
 
 mod definition;
+mod degrees;
 mod target;
 mod transformation;
 mod utm;
 
+pub(super) use degrees::Degrees;
 pub(crate) use target::ReprojectionTarget;
 pub(crate) use transformation::Reprojection;
 pub(crate) use utm::{UtmZone, zone_around};

@@ -88,7 +88,7 @@ fn records(header: &CloudHeader) -> Vec<Vlr> {
 }
 
 /// The day of `SOURCE_DATE_EPOCH`, for reproducible files, else today.
-fn creation_date() -> Option<chrono::NaiveDate> {
+pub(super) fn creation_date() -> Option<chrono::NaiveDate> {
     let fixed = std::env::var("SOURCE_DATE_EPOCH")
         .ok()
         .and_then(|text| text.trim().parse().ok())

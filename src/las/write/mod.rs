@@ -36,6 +36,7 @@ pub(super) mod squares;
 pub(super) mod store;
 #[cfg(test)]
 mod stored_in_memory;
+mod tile_catalogue;
 pub(super) mod tile_format;
 mod tile_names;
 mod tiles;

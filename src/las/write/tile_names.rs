@@ -9,6 +9,8 @@ use super::tile_format::TileFormat;
 
 /// The name of the index: GeoJSON in the CRS of the data.
 pub(super) const INDEX_NAME: &str = "tiles.geojson";
+/// The ending of the name of the catalogue of LAZ tiles, which is otherwise that of the cloud.
+pub(super) const CATALOGUE_ENDING: &str = ".vpc";
 /// The name of the index of PCD tiles that driving software reads.
 pub(super) const DRIVING_INDEX_NAME: &str = "pointcloud_map_metadata.yaml";
 
@@ -32,6 +34,7 @@ pub(super) fn contains_only_tiles(dir: &Path) -> bool {
         });
         entry == INDEX_NAME
             || entry == DRIVING_INDEX_NAME
+            || entry.strip_prefix(&*cloud) == Some(CATALOGUE_ENDING)
             || corner.is_some_and(|corner| {
                 corner.starts_with('_') && !corner.contains(|c: char| c.is_ascii_alphabetic())
             })

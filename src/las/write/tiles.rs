@@ -1,4 +1,4 @@
-//! A cloud as a directory of LAZ or PCD files, one for each square of the plane, with an index.
+//! A cloud as a directory of LAZ or PCD files, one for each square of the plane, with an index, and a catalogue of LAZ.
 
 use std::path::{Path, PathBuf};
 
@@ -16,8 +16,9 @@ use super::{
     sink::SinkMonitor,
     squares::Squares,
     store::{RecordSorter, SortedRecords},
+    tile_catalogue::{CataloguedTile, tile_catalogue},
     tile_format::TileFormat,
-    tile_names::{INDEX_NAME, tile_name},
+    tile_names::{CATALOGUE_ENDING, INDEX_NAME, tile_name},
     writer::{CloudBody, CloudWriter, CompleteCloud, Completion},
 };
 use crate::{
@@ -132,11 +133,11 @@ impl Tiles<'_> {
     /// that are written. Returns the length of all files in bytes.
     fn write(&self, sorted: &dyn SortedRecords, progress: &dyn Fn(u64)) -> Result<u64, LasError> {
         let (mut bytes, mut points) = (0, 0);
-        let (mut features, mut corners) = (Vec::new(), Vec::new());
+        let (mut features, mut corners, mut catalogued) = (Vec::new(), Vec::new(), Vec::new());
         for square in self.squares.occupied(sorted) {
             let corner = self.squares.corner(square);
             let file = tile_name(self.name, corner, self.format);
-            let (cloud, heights) = self.write_tile(&self.directory.join(&file), square, sorted)?;
+            let (cloud, bounds) = self.write_tile(&self.directory.join(&file), square, sorted)?;
             if cloud.points() == 0 {
                 // The square shares a counting square with its neighbours' points only.
                 continue;
@@ -144,7 +145,13 @@ impl Tiles<'_> {
             progress(cloud.points());
             bytes += cloud.bytes();
             points += cloud.points();
-            features.push(self.feature(&file, square, &cloud, heights));
+            let bounds = self.world(bounds);
+            features.push(Self::feature(&file, &self.squares, square, &cloud, bounds));
+            catalogued.push(CataloguedTile {
+                file: file.clone(),
+                points: cloud.points(),
+                bounds,
+            });
             corners.push((file, corner));
             cloud.deliver()?;
         }
@@ -157,6 +164,10 @@ impl Tiles<'_> {
             return Err(LasError::new(self.directory, lost));
         }
         bytes += self.write_index(features)?;
+        if self.format == TileFormat::Laz {
+            let catalogue = tile_catalogue(self.header, &catalogued);
+            bytes += self.write_text(&format!("{}{CATALOGUE_ENDING}", self.name), &catalogue)?;
+        }
         if let Some((pcd, _)) = &self.pcd {
             bytes +=
                 write_driving_index(self.directory, self.squares.edge(), pcd.origin, &corners)?;
@@ -165,21 +176,20 @@ impl Tiles<'_> {
     }
 
     /// Writes the points of a square to `path`; returns them with their least and greatest
-    /// height in stored units.
+    /// coordinates in stored units.
     fn write_tile(
         &self,
         path: &Path,
         square: [i64; 2],
         sorted: &dyn SortedRecords,
-    ) -> Result<(CompleteCloud, [i32; 2]), LasError> {
-        let mut heights = [i32::MAX, i32::MIN];
+    ) -> Result<(CompleteCloud, [[i32; 3]; 2]), LasError> {
+        let mut bounds = [[i32::MAX; 3], [i32::MIN; 3]];
         if let Some((pcd, ordered)) = &self.pcd {
             let cloud =
                 pcd.write_file(path, ordered, &self.squares.rect(square), &mut |record| {
-                    let z = Stored::of_record(record).z;
-                    heights = [heights[0].min(z), heights[1].max(z)];
+                    extend(&mut bounds, Stored::of_record(record));
                 })?;
-            return Ok((cloud, heights));
+            return Ok((cloud, bounds));
         }
         let mut writer = create_las(path, self.header, PointEncoding::Laz)?;
         let mut waiting = Vec::new();
@@ -188,8 +198,7 @@ impl Tiles<'_> {
             if failure.is_some() {
                 return;
             }
-            let z = Stored::of_record(record).z;
-            heights = [heights[0].min(z), heights[1].max(z)];
+            extend(&mut bounds, Stored::of_record(record));
             waiting.extend_from_slice(record);
             if waiting.len() >= TILE_BATCH_BYTES {
                 failure = writer.write(&waiting).err();
@@ -201,29 +210,31 @@ impl Tiles<'_> {
             return Err(error);
         }
         writer.write(&waiting)?;
-        Ok((writer.complete(None, &|_| {})?, heights))
+        Ok((writer.complete(None, &|_| {})?, bounds))
+    }
+
+    /// The world coordinates of `bounds`.
+    fn world(&self, bounds: [[i32; 3]; 2]) -> [[f64; 3]; 2] {
+        bounds.map(|[x, y, z]| self.header.quantization.world(Stored { x, y, z }))
     }
 
     /// The entry of a tile in the index.
     fn feature(
-        &self,
         file: &str,
+        squares: &Squares,
         square: [i64; 2],
         cloud: &CompleteCloud,
-        heights: [i32; 2],
+        [min, max]: [[f64; 3]; 2],
     ) -> Value {
-        let quantization = &self.header.quantization;
-        let [low, high] =
-            heights.map(|z| quantization.offset[2] + f64::from(z) * quantization.scale);
         json!({
             "type": "Feature",
             "properties": {
                 "file": file, "points": cloud.points(), "bytes": cloud.bytes(),
-                "zmin": low, "zmax": high,
+                "zmin": min[2], "zmax": max[2],
             },
             "geometry": {
                 "type": "Polygon",
-                "coordinates": [self.squares.outline(square)],
+                "coordinates": [squares.outline(square)],
             },
         })
     }
@@ -236,9 +247,22 @@ impl Tiles<'_> {
             "wkt": self.header.crs.as_ref().and_then(Crs::wkt),
             "features": features,
         });
-        let text = index.to_string();
-        let path = self.directory.join(INDEX_NAME);
+        self.write_text(INDEX_NAME, &index)
+    }
+
+    /// Writes `value` to the file `name` in the directory, and returns its length in bytes.
+    fn write_text(&self, name: &str, value: &Value) -> Result<u64, LasError> {
+        let text = value.to_string();
+        let path = self.directory.join(name);
         std::fs::write(&path, &text).map_err(|e| LasError::unwritable(&path, e))?;
         Ok(text.len() as u64)
+    }
+}
+
+/// Extends `bounds`, in stored units, by a point.
+fn extend(bounds: &mut [[i32; 3]; 2], point: Stored) {
+    for (axis, c) in [point.x, point.y, point.z].into_iter().enumerate() {
+        bounds[0][axis] = bounds[0][axis].min(c);
+        bounds[1][axis] = bounds[1][axis].max(c);
     }
 }
