@@ -90,7 +90,7 @@ def quarter(program, scan):
 def jobs(program, scans):
     """Each input with the options of its jobs and the bytes that it needs: of points, and of everything else."""
     for scan in scans:
-        count = ["--count", "50K", "--iterations", "5"]
+        count = ["--spacing", "0.5", "--iterations", "5"]
         yield scan, scan.name, count, scan.stat().st_size, 0
         if scan.name.endswith(".copc.laz"):
             sides = quarter(program, scan)
