@@ -84,7 +84,8 @@ def quarter(program, scan):
     """The north-eastern quarter of a scan."""
     header = json.loads(subprocess.check_output([program, "info", "--json", str(scan)]))
     (west, south, _), (east, north, _) = header["min"], header["max"]
-    return [0.5 * (west + east), 0.5 * (south + north), east, north]
+    # Rounded as they are given to the program: a node that they touch is needed.
+    return [round(side, 3) for side in (0.5 * (west + east), 0.5 * (south + north), east, north)]
 
 
 def jobs(program, scans):
