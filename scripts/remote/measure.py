@@ -84,13 +84,14 @@ def quarter(program, scan):
     """The north-eastern quarter of a scan."""
     header = json.loads(subprocess.check_output([program, "info", "--json", str(scan)]))
     (west, south, _), (east, north, _) = header["min"], header["max"]
-    return [0.5 * (west + east), 0.5 * (south + north), east, north]
+    # Rounded as they are given to the program: a node that they touch is needed.
+    return [round(side, 3) for side in (0.5 * (west + east), 0.5 * (south + north), east, north)]
 
 
 def jobs(program, scans):
     """Each input with the options of its jobs and the bytes that it needs: of points, and of everything else."""
     for scan in scans:
-        count = ["--count", "50K", "--iterations", "5"]
+        count = ["--spacing", "0.5", "--iterations", "5"]
         yield scan, scan.name, count, scan.stat().st_size, 0
         if scan.name.endswith(".copc.laz"):
             sides = quarter(program, scan)

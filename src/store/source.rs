@@ -75,7 +75,7 @@ impl Source {
     /// If a file cannot be opened (any more).
     pub(crate) fn open(&self, ranges: &[Range<u64>]) -> io::Result<SourceReader> {
         Ok(match &self.object {
-            Some(object) => SourceReader::Object(object.open(ranges)?),
+            Some(object) => SourceReader::Object(ObjectReader::open(object, ranges)?),
             None => SourceReader::File(File::open(&self.path)?),
         })
     }

@@ -1,14 +1,14 @@
 //! An object by its identity.
 //!
 //! Of what is read at scattered places (headers, tables) small pieces are kept, because each part of an input that is
-//! decoded asks for them again. What is read in order is read ahead, by [`ObjectReader`].
+//! decoded asks for them again. What is read in order is read ahead, by readers.
 
 use std::{
     collections::{BTreeMap, HashMap, HashSet},
     io,
     ops::Range,
     path::{Path, PathBuf},
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Mutex, MutexGuard, PoisonError, Weak},
 };
 
 use bytes::Bytes;
@@ -18,7 +18,6 @@ use tokio::sync::{Semaphore, oneshot};
 use super::{
     client::{Located, locate, runtime},
     digest::OrderedDigest,
-    reader::ObjectReader,
     request::{Failure, repeated},
 };
 use crate::store::{address::without_secrets, identity::Identity};
@@ -82,12 +81,17 @@ impl std::fmt::Debug for Object {
 }
 
 impl Object {
-    /// Finds the object at the address `path` and reads its first bytes.
+    /// Finds the object at the address `path` and reads its first bytes. An object that is in use already is that one: what
+    /// is known of it is not asked for again.
     ///
     /// # Errors
     ///
     /// If there is none, or it cannot be read.
     pub(in crate::store) fn find(path: &Path) -> io::Result<Arc<Self>> {
+        static IN_USE: Mutex<BTreeMap<PathBuf, Weak<Object>>> = Mutex::new(BTreeMap::new());
+        if let Some(object) = lock(&IN_USE).get(path).and_then(Weak::upgrade) {
+            return Ok(object);
+        }
         let located = locate(path)?;
         let first = runtime()?.block_on(async {
             let first = Some(0..SMALL_PIECE);
@@ -100,33 +104,23 @@ impl Object {
             }
         });
         let (identity, bytes) = first?;
-        Ok(Arc::new(Self {
+        let object = Arc::new(Self {
             path: without_secrets(path),
             located,
             identity,
             small: Mutex::new(BTreeMap::from([(0, bytes)])),
             ahead: Mutex::default(),
             checksum: Mutex::default(),
-        }))
+        });
+        let mut in_use = lock(&IN_USE);
+        in_use.retain(|_, object| object.strong_count() > 0);
+        in_use.insert(path.to_owned(), Arc::downgrade(&object));
+        Ok(object)
     }
 
     /// The identity when the object was found.
     pub(in crate::store) fn identity(&self) -> &Identity {
         &self.identity
-    }
-
-    /// Opens the object at its first byte; `ranges` are read ahead.
-    ///
-    /// # Errors
-    ///
-    /// Never: what fails is a request, when it is waited for. Opening a file may fail.
-    pub(in crate::store) fn open(
-        self: &Arc<Self>,
-        ranges: &[Range<u64>],
-    ) -> io::Result<ObjectReader> {
-        let mut reader = ObjectReader::new(self.clone());
-        reader.expect(ranges);
-        Ok(reader)
     }
 
     /// Requests the first bytes of `ranges`, for a reader that will be opened soon.

@@ -35,14 +35,21 @@ pub(crate) struct ObjectReader {
 }
 
 impl ObjectReader {
-    pub(super) fn new(object: Arc<Object>) -> Self {
-        Self {
-            object,
+    /// Opens `object` at its first byte; `ranges` are read ahead.
+    ///
+    /// # Errors
+    ///
+    /// Never: what fails is a request, when it is waited for. Opening a file may fail.
+    pub(in crate::store) fn open(object: &Arc<Object>, ranges: &[Range<u64>]) -> io::Result<Self> {
+        let mut reader = Self {
+            object: object.clone(),
             at: 0,
             piece: None,
             requested: VecDeque::new(),
             expected: VecDeque::new(),
-        }
+        };
+        reader.expect(ranges);
+        Ok(reader)
     }
 
     /// Expects `ranges` to be read after what is expected already.
