@@ -18,11 +18,12 @@ use crate::{
 /// on a sheet, see the test `the_election_meets_the_density`).
 pub(super) const ELECTION_RADIUS_IN_SPACINGS: f64 = 0.745;
 
-/// The share of its radius by which an election among `count` points to a seed, spread at random, elects as many as an election
-/// among thirty with all of it.
+/// The share of its radius with which an election among points of a scan, of which there are `count` to a seed, is as dense as it has
+/// to be.
 ///
-/// The fewer points there are, the larger are the gaps that none of them can fill. Fitted to elections of 3 to 60 random
-/// points to the seed on a periodic plane, which it meets within 0.015; with fewer it is up to 0.2 too large.
+/// The fewer points there are, the larger are the gaps that none of them can fill. Of random points on a plane 3 to 7 % more seeds
+/// are elected than wanted; of scans some gaps are larger: on a simulated street, by curvature, cells where the spacing grows
+/// have the wanted edge within 1.5 % in the median.
 pub(super) fn radius_share(count: f64) -> f64 {
     (1.043 * (1.0 - 0.48 * count.powf(-0.55))).min(1.0)
 }
