@@ -13,14 +13,11 @@ use super::{
     cloud::Workspace,
     election::Election,
     nearest_figures::{NearestFigures, nearest_figures},
-    point_set::{PointSet, points_in_memory},
+    point_set::{ElectedSet, PointSet, points_in_memory},
     radius_search::elect_number,
     store::{SortedRecords, StoreError},
 };
 use crate::geometry::{Rect, Stored, spread};
-
-/// An elected set, and the radius of its election (stored units).
-pub(super) type ElectedSet = (PointSet<'static>, f64);
 
 /// Nested sets of points; the last contains all of them.
 pub(super) struct NestedSets<'a> {

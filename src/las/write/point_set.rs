@@ -25,6 +25,9 @@ pub(super) enum PointSet<'a> {
     Memory(Vec<Stored>),
 }
 
+/// An elected set, and the radius of its election (stored units).
+pub(super) type ElectedSet = (PointSet<'static>, f64);
+
 impl PointSet<'_> {
     /// The number of positions.
     pub(super) fn len(&self) -> u64 {

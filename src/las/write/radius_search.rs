@@ -1,7 +1,9 @@
 //! The radius with which an election takes a wanted number of points.
 
 use super::{
-    cloud::Workspace, election::Election, nested_sets::ElectedSet, point_set::PointSet,
+    cloud::Workspace,
+    election::Election,
+    point_set::{ElectedSet, PointSet},
     store::StoreError,
 };
 
