@@ -104,15 +104,19 @@ pub(super) enum Command {
         shard: Option<(u32, u32)>,
     },
     /// Last stage: wait for the tiles, solve those that no process has claimed, write the
+    /// cloud. With --shard this process only helps, beside others; one without completes the
     /// cloud
     Stitch {
         #[command(flatten)]
         shared: SharedJob,
+        /// The parts to begin with, by number and count of the processes: 0/16 to 15/16
+        #[arg(long, value_name = "I/N", value_parser = shard)]
+        shard: Option<(u32, u32)>,
         /// Peak memory, if it is to be more than the job had
         #[arg(long, value_name = "SIZE")]
         memory: Option<Bytes>,
         /// A local disk for files that no other process reads [default: the job directory]
-        #[arg(long, value_name = "DIR")]
+        #[arg(long, value_name = "DIR", conflicts_with = "shard")]
         scratch: Option<PathBuf>,
     },
     /// Print the progress of a job of many processes

@@ -49,7 +49,7 @@ pub fn call(
                 restart,
                 ..chosen_job(&scans, output.as_deref(), progress, cancel)?.job
             };
-            match run_and_report(&job, progress, cancel)? {
+            match run_and_report(&job, progress, cancel, None)? {
                 Some(done) => Ok(done.report.to_json()),
                 None => figures_beside(&job.output),
             }

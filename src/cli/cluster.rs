@@ -109,10 +109,11 @@ pub(super) fn solve(shared: &SharedJob, shard: Option<(u32, u32)>) -> Result<u8,
     worker.solve(&shared.dir, &terminal, &CANCEL).map(|()| DONE)
 }
 
-/// Solves the tiles that no other process has claimed, waits for the others, and writes the
-/// output.
+/// Solves the tiles that no other process has claimed, waits for the others, and stitches: as a shard, parts of what can be
+/// divided; without a shard all that is left, and then it writes the output.
 pub(super) fn stitch(
     shared: &SharedJob,
+    shard: Option<(u32, u32)>,
     memory: Option<Bytes>,
     scratch: Option<PathBuf>,
 ) -> Result<u8, JobError> {
@@ -122,16 +123,19 @@ pub(super) fn stitch(
     };
     allocator::return_freed_memory(job.memory());
     stop_on_signals();
-    let worker = shared.worker(None, true);
-    worker.solve(
-        &shared.dir,
-        &Terminal::new(shared.progress.display()),
-        &CANCEL,
-    )?;
+    let worker = shared.worker(shard, true);
+    let terminal = Terminal::new(shared.progress.display());
+    worker.solve(&shared.dir, &terminal, &CANCEL)?;
+    if shard.is_some() {
+        return worker
+            .help_to_stitch(&shared.dir, &terminal, &CANCEL)
+            .map(|()| DONE);
+    }
+    drop(terminal);
     let resources = &mut job.settings.resources;
     resources.threads = worker.threads;
     resources.memory = resources.memory.max(memory.map(|bytes| bytes.0));
-    run_and_print(&job, shared.progress.display())
+    run_and_print(&job, Some(&worker), shared.progress.display())
 }
 
 /// Prints the progress of a job.

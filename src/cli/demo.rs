@@ -51,7 +51,7 @@ pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
         skip_bad_files: false,
         restart: false,
     };
-    let code = run_and_print(&job, Display::choose(false, false))?;
+    let code = run_and_print(&job, None, Display::choose(false, false))?;
     if let Ok(page) = std::path::absolute(page) {
         result!("\nsee it:   file://{}", page.display());
     }

@@ -123,9 +123,10 @@ fn dispatch(command: Command) -> Result<u8, JobError> {
         Command::Solve { shared, shard } => cluster::solve(&shared, shard),
         Command::Stitch {
             shared,
+            shard,
             memory,
             scratch,
-        } => cluster::stitch(&shared, memory, scratch),
+        } => cluster::stitch(&shared, shard, memory, scratch),
         Command::Status { dir, json, limit } => match limit {
             Some([tasks, cores]) => cluster::print_time_limit(&dir, tasks, cores),
             None => cluster::print_status(&dir, json),

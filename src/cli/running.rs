@@ -15,7 +15,7 @@ use super::{
     terminal::{Display, Terminal},
 };
 use crate::{
-    job::{InputCount, JobDescription, JobError, Progress, write_file},
+    job::{InputCount, JobDescription, JobError, Progress, Worker, write_file},
     report::{REPORT_PAGE, Report, VIEWER_PAGE, thousands},
 };
 
@@ -28,13 +28,18 @@ pub(super) fn run_job(scans: &Scans, output: Option<&Path>, restart: bool) -> Re
         restart,
         ..chosen.job
     };
-    run_and_print(&job, display)
+    run_and_print(&job, None, display)
 }
 
-/// Does `job`, writes its report beside the output, and prints a summary.
-pub(super) fn run_and_print(job: &JobDescription, display: Display) -> Result<u8, JobError> {
+/// Does `job`, which other processes may help to stitch if it is `shared`, writes its report beside the output, and prints a
+/// summary.
+pub(super) fn run_and_print(
+    job: &JobDescription,
+    shared: Option<&Worker>,
+    display: Display,
+) -> Result<u8, JobError> {
     stop_on_signals();
-    let Some(done) = run_and_report(job, &Terminal::new(display), &CANCEL)? else {
+    let Some(done) = run_and_report(job, &Terminal::new(display), &CANCEL, shared)? else {
         if display != Display::Nothing {
             result!("{} is complete already", job.shown_output().display());
         }
@@ -64,16 +69,17 @@ pub(super) struct Done {
     is_complete: bool,
 }
 
-/// Does `job` until it is done or `cancel` is set, and writes its report beside the output. Returns
-/// `None` if an earlier run had delivered the output.
+/// Does `job` until it is done or `cancel` is set, and writes its report beside the output. If several processes stitch it,
+/// `shared` is this one. Returns `None` if an earlier run had delivered the output.
 pub(super) fn run_and_report(
     job: &JobDescription,
     progress: &dyn Progress,
     cancel: &AtomicBool,
+    shared: Option<&Worker>,
 ) -> Result<Option<Done>, JobError> {
     let mut done = None;
     let is_complete = |input: &InputCount| input.rejected == 0 && input.left_out.is_none();
-    job.run_and_report(progress, cancel, |outcome| {
+    job.run_and_report(progress, cancel, shared, |outcome| {
         let output = job.shown_output().display().to_string();
         let mesh = job.mesh.as_ref().map(|path| path.display().to_string());
         let report = Report::new(

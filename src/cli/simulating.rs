@@ -148,7 +148,7 @@ fn write_pass(
     header: &CloudHeader,
     path: &Path,
 ) -> Result<u64, JobError> {
-    let mut writer = CloudWriter::create(path, Format::Laz, header, None)?;
+    let mut writer = CloudWriter::create(path, Format::Laz, header)?;
     let slices = street.slices(pass);
     for first in (0..slices).step_by(SLICES_AT_ONCE as usize) {
         let batch: Vec<Vec<u8>> = (first..slices.min(first + SLICES_AT_ONCE))
@@ -165,7 +165,7 @@ fn write_pass(
             writer.write(&records)?;
         }
     }
-    let cloud = writer.complete(None, &|_| {})?;
+    let cloud = writer.complete()?;
     let points = cloud.points();
     cloud.deliver()?;
     Ok(points)

@@ -1,7 +1,7 @@
 //! From inputs to complete files, not yet under their names: the order of the stages.
 
 use super::{
-    cluster::{Worker, files_of_others},
+    cluster::{SharedStitch, Worker, files_of_others},
     context::RunContext,
     error::JobError,
     outcome::Outcome,
@@ -13,6 +13,7 @@ use super::{
         preparation::prepare,
         scatter::SpillReaders,
         solve::solve_missing,
+        stitchers::Stitchers,
     },
 };
 use crate::las::Format;
@@ -38,7 +39,7 @@ pub(super) struct CompletedJob {
 }
 
 /// Does everything of a job that earlier runs have not done, except that its files get their names. If the mesh is
-/// written as `tiles`, they are the next level there. Returns `None` if an earlier run had delivered the output.
+/// written as `tiles`, they are the next level there. Other processes may help to stitch a job that `shared` works on. Returns `None` if an earlier run had delivered the output.
 ///
 /// # Errors
 ///
@@ -47,6 +48,7 @@ pub(super) fn complete_job(
     run: &RunContext<'_>,
     format: Format,
     tiles: Option<&mut MeshTiles>,
+    shared: Option<&Worker>,
 ) -> Result<Option<CompletedJob>, JobError> {
     // Survey the headers, scatter the points, choose the spacing, plan the tiles.
     let worker = Worker::until_all_is_done(run.budget.threads);
@@ -63,7 +65,14 @@ pub(super) fn complete_job(
     run.clock.end_stage("solve");
 
     // Stitch the tiles and write the cloud and its mesh, aside.
-    let complete = || complete_output(run, &planned, &solved, format, tiles);
+    let shared = shared.map(|&worker| SharedStitch {
+        worker,
+        dir: planned.directory.path(),
+        cancel: run.cancel,
+        completes: true,
+    });
+    let shared = shared.as_ref().map(|shared| shared as &dyn Stitchers);
+    let complete = || complete_output(run, &planned, &solved, format, tiles, shared);
     let (outcome, output) = run.pool.install(complete)?;
     Ok(Some(CompletedJob {
         planned,

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     config::ConfigError,
-    las::LasError,
+    las::{LasError, StoreError},
     store::{is_remote, without_secrets},
     tile::TileError,
     views::ViewError,
@@ -84,6 +84,17 @@ impl JobError {
             action,
             path: without_secrets(path).display().to_string(),
             source,
+        }
+    }
+
+    /// The error that work on temporary files has met: itself, or what it says.
+    pub(super) fn of_store(error: StoreError) -> Self {
+        match error.downcast::<Self>() {
+            Ok(error) => *error,
+            Err(error) => match error.downcast::<LasError>() {
+                Ok(error) => Self::Las(*error),
+                Err(error) => Self::Tile(TileError::of_store(error)),
+            },
         }
     }
 

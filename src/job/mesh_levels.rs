@@ -60,7 +60,7 @@ pub(super) fn add_coarser_levels(
         let output = directory.join(format!("level{}.las", tiles.levels()));
         let job = level_job(run.job, &mesh, &cloud, &output, spacing, memory);
         let completed = RunContext::with(&job, budget.threads, &Quiet, run.cancel, |run| {
-            complete_job(run, Format::Las, Some(tiles))
+            complete_job(run, Format::Las, Some(tiles), None)
         })?;
         let Some(CompletedJob {
             planned,

@@ -160,7 +160,7 @@ impl Job {
         cancel: &AtomicBool,
     ) -> Result<Option<Outcome>, JobError> {
         self.describe()?
-            .run_and_report(progress, cancel, |_| Ok(()))
+            .run_and_report(progress, cancel, None, |_| Ok(()))
     }
 
     /// Validates the request.

@@ -22,8 +22,8 @@ use crate::las::{CompleteCloud, CompleteMesh};
 impl JobDescription {
     /// Does the job, and continues from what an earlier run of the same job completed.
     ///
-    /// When everything is done except that the output has its name, `report` is called; if it
-    /// fails, the job fails, and the next run continues there. Returns `None` if an earlier run had
+    /// If several processes stitch the job, `shared` is this one. When everything is done except that the output has its
+    /// name, `report` is called; if it fails, the job fails, and the next run continues there. Returns `None` if an earlier run had
     /// delivered the output, and was stopped while it removed its temporary files.
     ///
     /// # Errors
@@ -34,6 +34,7 @@ impl JobDescription {
         &self,
         progress: &dyn Progress,
         cancel: &AtomicBool,
+        shared: Option<&Worker>,
         report: impl FnOnce(&Outcome) -> Result<(), JobError>,
     ) -> Result<Option<Outcome>, JobError> {
         let format = self.check_output()?;
@@ -43,7 +44,7 @@ impl JobDescription {
                 (Some(path), Some(edge)) => Some(MeshTiles::create(path, edge)?),
                 _ => None,
             };
-            let Some(mut completed) = complete_job(run, format, tiles.as_mut())? else {
+            let Some(mut completed) = complete_job(run, format, tiles.as_mut(), shared)? else {
                 return Ok(None);
             };
             if let Some(tiles) = &mut tiles {

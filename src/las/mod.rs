@@ -53,9 +53,13 @@ pub(crate) use write::mesh::{
 pub(crate) use write::{
     cloud::{CloudHeader, Workspace},
     cloud_levels::CloudLevels,
+    copc::help_write_copc,
+    create::write_sorted,
     nearest_figures::NearestFigures,
     output_format::Format,
+    pcd_fields::brightness,
     pcd_options::{PcdEncoding, PcdOptions, PcdOrigin},
+    pieces::{KeptPieces, MakePiece, Piece, TakePiece, Workforce},
     point_order::PointOrder,
     squares::Squares,
     store::{RecordSorter, SortedRecords, SortingSpace, StoreError},

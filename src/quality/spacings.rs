@@ -47,6 +47,16 @@ impl SpacingTally {
         *range = [range[0].min(spacing), range[1].max(spacing)];
     }
 
+    /// Adds the points of another part of the cloud.
+    pub(crate) fn add(&mut self, other: &Self) {
+        for (count, more) in self.counts.iter_mut().zip(&other.counts) {
+            *count += more;
+        }
+        for (range, other) in self.ranges.iter_mut().zip(&other.ranges) {
+            *range = [range[0].min(other[0]), range[1].max(other[1])];
+        }
+    }
+
     /// The classes that have points, the finest first.
     pub(crate) fn classes(&self) -> Vec<SpacingClass> {
         let classes = self.counts.iter().zip(&self.ranges).rev();

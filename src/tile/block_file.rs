@@ -25,7 +25,8 @@ const HEADER_BYTES: u64 = 32;
 #[derive(Debug)]
 pub(crate) struct BlockFile {
     path: PathBuf,
-    file: File,
+    /// The file, open to append blocks; `None` if it is read only. Readers open it anew.
+    file: Option<File>,
     /// The blocks by their keys.
     blocks: HashMap<u64, Block>,
     /// The end of the last complete block, in bytes from the beginning of the file.
@@ -51,15 +52,18 @@ impl BlockFile {
     /// [`TileError::Io`] if it can be neither opened nor made.
     pub(crate) fn open(path: &Path) -> Result<Self, TileError> {
         let pack = || {
-            let file = File::options()
+            let mut file = File::options()
                 .create(true)
                 .truncate(false)
                 .read(true)
                 .write(true)
                 .open(path)?;
-            let pack = Self::scan(path, file)?;
-            pack.file.set_len(pack.end)?;
-            Ok(pack)
+            let pack = Self::scan(path, &mut file)?;
+            file.set_len(pack.end)?;
+            Ok(Self {
+                file: Some(file),
+                ..pack
+            })
         };
         pack().map_err(|source| TileError::io("open", path, source))
     }
@@ -71,22 +75,22 @@ impl BlockFile {
     ///
     /// [`TileError::Io`] if it cannot be read.
     pub(crate) fn open_for_reading(path: &Path) -> Result<Self, TileError> {
-        let pack = File::open(path).and_then(|file| Self::scan(path, file));
+        let pack = File::open(path).and_then(|mut file| Self::scan(path, &mut file));
         pack.map_err(|source| TileError::io("open", path, source))
     }
 
     /// Finds the complete blocks in `file`.
-    fn scan(path: &Path, mut file: File) -> io::Result<Self> {
+    fn scan(path: &Path, file: &mut File) -> io::Result<Self> {
         let length = file.metadata()?.len();
         let (mut blocks, mut end, mut last) = (HashMap::new(), 0, None);
-        while let Some((key, block)) = block_at(&mut file, end, length)? {
+        while let Some((key, block)) = block_at(file, end, length)? {
             end = block.offset + block.length;
             last = Some((key, block, blocks.insert(key, block)));
         }
         // Every block was on the disk before the next was begun. The last alone may have its
         // length and not its content.
         if let Some((key, block, before)) = last
-            && content(&mut file, block)?.is_none()
+            && content(file, block)?.is_none()
         {
             end = block.offset - HEADER_BYTES;
             match before {
@@ -96,7 +100,7 @@ impl BlockFile {
         }
         Ok(Self {
             path: path.to_owned(),
-            file,
+            file: None,
             blocks,
             end,
         })
@@ -110,6 +114,11 @@ impl BlockFile {
     pub(crate) fn create(path: &Path) -> Result<Self, TileError> {
         File::create(path).map_err(|source| TileError::io("create", path, source))?;
         Self::open(path)
+    }
+
+    /// The path of the file.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
     }
 
     /// Whether the file contains a block with this key.
@@ -129,9 +138,9 @@ impl BlockFile {
     ///
     /// [`TileError::Io`] if they cannot be written; the blocks before them are unchanged.
     pub(crate) fn append(&mut self, blocks: &[(u64, &[u8])]) -> Result<(), TileError> {
-        let file = &mut self.file;
         let mut end = self.end;
         let mut write = || -> io::Result<Vec<(u64, Block)>> {
+            let file = self.file.as_mut().ok_or_else(read_only)?;
             file.seek(SeekFrom::Start(end))?;
             let mut written = Vec::new();
             for &(key, content) in blocks {
@@ -160,8 +169,8 @@ impl BlockFile {
     ///
     /// [`TileError::Io`] if they cannot be written.
     pub(crate) fn flush(&self) -> Result<(), TileError> {
-        self.file
-            .sync_data()
+        let file = self.file.as_ref().ok_or_else(read_only);
+        file.and_then(File::sync_data)
             .map_err(|source| TileError::io("flush", &self.path, source))
     }
 
@@ -191,6 +200,11 @@ impl BlockFile {
         file.read_exact(&mut content)?;
         Ok(content)
     }
+}
+
+/// The error of a file that is not open to append blocks.
+fn read_only() -> io::Error {
+    io::Error::new(io::ErrorKind::PermissionDenied, "it is open to be read")
 }
 
 /// Reads the header at `offset` in a file of `length` bytes; `None` if no complete block begins

@@ -3,6 +3,7 @@
 use std::{io, path::Path};
 
 use super::source::SourceError;
+use crate::las::StoreError;
 
 /// Why temporary files cannot be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -52,8 +53,20 @@ impl TileError {
         }
     }
 
+    /// The error that work on temporary files has met: itself, or what it says.
+    pub(crate) fn of_store(error: StoreError) -> Self {
+        match error.downcast::<Self>() {
+            Ok(error) => *error,
+            Err(error) => Self::Io {
+                action: "use",
+                path: "temporary files".to_owned(),
+                source: io::Error::other(error),
+            },
+        }
+    }
+
     /// Reports that the content of the file at `path` is not what was written.
-    pub(super) fn damaged(path: &Path) -> Self {
+    pub(crate) fn damaged(path: &Path) -> Self {
         Self::Damaged {
             path: path.display().to_string(),
         }

@@ -59,6 +59,15 @@ impl SeamTally {
         }
     }
 
+    /// Adds the sites of another part of the cloud.
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.shared += other.shared;
+        self.identical += other.identical;
+        self.resolved_by_owner += other.resolved_by_owner;
+        self.unmatched += other.unmatched;
+        self.disagreements.add(&other.disagreements);
+    }
+
     /// The distances between the positions of all shared sites.
     pub(crate) fn disagreements(&self) -> DistanceFigures {
         self.disagreements.figures()

@@ -22,5 +22,5 @@ pub(crate) use error::ViewError;
 pub(crate) use pair_picture::{PairPictureOptions, render_pair};
 pub(crate) use picture::{PictureOptions, draw_picture, png_path, render};
 pub(crate) use square_triangles::SquareTriangles;
-pub(crate) use uniformity_map::{UniformityMap, WorstPlace};
+pub(crate) use uniformity_map::{MapPart, UniformityMap, WorstPlace};
 pub(crate) use viewer_sample::{ViewerPoint, ViewerSample};

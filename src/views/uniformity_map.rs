@@ -3,6 +3,8 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 use super::detail::DetailView;
 use crate::{
     geometry::{Quantization, Stored},
@@ -30,8 +32,19 @@ pub(crate) struct UniformityMap {
     squares: BTreeMap<[i64; 2], MapSquare>,
 }
 
+/// The figures of the output in some squares of a map.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(
+    from = "Vec<([i64; 2], MapSquare)>",
+    into = "Vec<([i64; 2], MapSquare)>"
+)]
+pub(crate) struct MapPart {
+    /// The squares by column and row, counted from the first square of the map.
+    squares: BTreeMap<[i64; 2], MapSquare>,
+}
+
 /// The figures of one square.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct MapSquare {
     /// The number of input points.
     pub(crate) input: u64,
@@ -79,33 +92,23 @@ impl UniformityMap {
         }
     }
 
-    /// Adds a point of the output and the distance to the nearest other point (CRS units), if
-    /// there is one nearby.
-    pub(crate) fn push(&mut self, point: Stored, nearest: Option<f64>, spacing: f64) {
-        let square = self.square_of(point);
-        square.output += 1;
-        let Some(distance) = nearest else {
-            return;
-        };
-        square.distances.push(distance);
-        let oddness = (distance / spacing - USUAL_DISTANCE_IN_SPACINGS).abs();
-        if square
-            .oddest
-            .is_none_or(|(largest, known)| (oddness, point) > (largest, known))
-        {
-            square.oddest = Some((oddness, point));
+    /// Adds figures of the output.
+    pub(crate) fn add(&mut self, part: &MapPart) {
+        for (&index, square) in &part.squares {
+            self.squares.entry(index).or_default().add(square);
         }
     }
 
     /// Adds an isolated return.
     pub(crate) fn push_isolated(&mut self, place: Stored) {
-        self.square_of(place).isolated += 1;
+        let square = self.square_of(place);
+        self.squares.entry(square).or_default().isolated += 1;
     }
 
-    fn square_of(&mut self, point: Stored) -> &mut MapSquare {
+    /// The column and the row of the square that contains `point`, counted from the first square.
+    pub(crate) fn square_of(&self, point: Stored) -> [i64; 2] {
         let index = |c: i32, axis: usize| (i64::from(c) - self.corner[axis]).div_euclid(self.edge);
-        let index = [index(point.x, 0), index(point.y, 1)];
-        self.squares.entry(index).or_default()
+        [index(point.x, 0), index(point.y, 1)]
     }
 
     /// Returns the edge of a square and the south-west corner of the first square, in world
@@ -132,5 +135,66 @@ impl UniformityMap {
         found.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         found.truncate(WORST_PLACES);
         found
+    }
+}
+
+impl MapPart {
+    /// Adds a point of the output in `square` and the distance to the nearest other point (CRS units), if
+    /// there is one nearby.
+    pub(crate) fn push(
+        &mut self,
+        square: [i64; 2],
+        point: Stored,
+        nearest: Option<f64>,
+        spacing: f64,
+    ) {
+        let square = self.squares.entry(square).or_default();
+        square.output += 1;
+        if let Some(distance) = nearest {
+            square.distances.push(distance);
+            let oddness = (distance / spacing - USUAL_DISTANCE_IN_SPACINGS).abs();
+            square.take_oddest((oddness, point));
+        }
+    }
+
+    /// Adds another part.
+    pub(crate) fn add(&mut self, other: &Self) {
+        for (&index, square) in &other.squares {
+            self.squares.entry(index).or_default().add(square);
+        }
+    }
+}
+
+impl MapSquare {
+    fn add(&mut self, other: &Self) {
+        self.input += other.input;
+        self.output += other.output;
+        self.distances.add(&other.distances);
+        self.isolated += other.isolated;
+        if let Some(oddest) = other.oddest {
+            self.take_oddest(oddest);
+        }
+    }
+
+    /// Remembers a point after its difference from the usual distance, if that is the largest so far.
+    fn take_oddest(&mut self, (oddness, point): (f64, Stored)) {
+        let is_odder = |(largest, known): (f64, Stored)| (oddness, point) > (largest, known);
+        if self.oddest.is_none_or(is_odder) {
+            self.oddest = Some((oddness, point));
+        }
+    }
+}
+
+impl From<Vec<([i64; 2], MapSquare)>> for MapPart {
+    fn from(squares: Vec<([i64; 2], MapSquare)>) -> Self {
+        Self {
+            squares: squares.into_iter().collect(),
+        }
+    }
+}
+
+impl From<MapPart> for Vec<([i64; 2], MapSquare)> {
+    fn from(part: MapPart) -> Self {
+        part.squares.into_iter().collect()
     }
 }

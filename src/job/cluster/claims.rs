@@ -14,6 +14,7 @@
 //! and the processes may run on machines that share nothing but the directory.
 
 use std::{
+    borrow::Cow,
     collections::BTreeMap,
     fs::{self, File},
     io,
@@ -31,10 +32,10 @@ pub(crate) const GROUP_LIMIT: usize = 256;
 const ABANDONED_EXTENSION: &str = "left";
 
 /// A kind of work, by the names of its files.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct WorkKind {
     /// The beginning of the names of all its files.
-    pub(crate) prefix: &'static str,
+    pub(crate) prefix: Cow<'static, str>,
     /// The extension of the file that claims a group and contains its result.
     pub(crate) claim_extension: &'static str,
     /// The extension of the file that says that the result is complete.
@@ -56,7 +57,9 @@ pub(crate) enum AttemptState {
 /// An attempt of one process at one group.
 #[derive(Clone, Debug)]
 pub(crate) struct Claim {
-    kind: &'static WorkKind,
+    /// The extensions of its files, as those of the kind of work.
+    claim_extension: &'static str,
+    complete_extension: &'static str,
     /// The number of the group, from 0.
     pub(crate) group: usize,
     /// The number of the attempt at this group, from 0.
@@ -69,9 +72,10 @@ pub(crate) struct Claim {
 
 impl Claim {
     /// Describes an attempt at `group` that no file stands for as yet.
-    pub(super) fn new(kind: &'static WorkKind, dir: &Path, group: usize, attempt: u32) -> Self {
+    pub(super) fn new(kind: &WorkKind, dir: &Path, group: usize, attempt: u32) -> Self {
         Self {
-            kind,
+            claim_extension: kind.claim_extension,
+            complete_extension: kind.complete_extension,
             group,
             attempt,
             state: AttemptState::Claimed,
@@ -84,7 +88,7 @@ impl Claim {
     /// # Errors
     ///
     /// [`JobError::Io`] if `dir` cannot be read.
-    pub(crate) fn all(kind: &'static WorkKind, dir: &Path) -> Result<Vec<Self>, JobError> {
+    pub(crate) fn all(kind: &WorkKind, dir: &Path) -> Result<Vec<Self>, JobError> {
         let mut found: BTreeMap<(usize, u32), AttemptState> = BTreeMap::new();
         for entry in fs::read_dir(dir).map_err(|e| JobError::io("read", dir, e))? {
             let name = entry.map_err(|e| JobError::io("read", dir, e))?.file_name();
@@ -102,7 +106,7 @@ impl Claim {
 
     /// The path of the file that claims the group and contains its result.
     pub(crate) fn path(&self) -> PathBuf {
-        self.stem.with_extension(self.kind.claim_extension)
+        self.stem.with_extension(self.claim_extension)
     }
 
     /// Claims the group, and returns whether this process has it now: of several processes that
@@ -126,7 +130,7 @@ impl Claim {
     ///
     /// [`JobError::Io`] if the file that says so cannot be created.
     pub(crate) fn complete(&self) -> Result<(), JobError> {
-        let path = self.stem.with_extension(self.kind.complete_extension);
+        let path = self.stem.with_extension(self.complete_extension);
         let made = File::create(&path).map(drop);
         made.map_err(|e| JobError::io("create", &path, e))
     }
@@ -150,7 +154,7 @@ impl WorkKind {
     /// Reads group, attempt and state from the file name `name`; `None` if it is of another kind.
     fn parse(&self, name: &str) -> Option<((usize, u32), AttemptState)> {
         let (stem, extension) = name.split_once('.')?;
-        let (prefix, numbers) = stem.split_once('-')?;
+        let numbers = stem.strip_prefix(&*self.prefix)?.strip_prefix('-')?;
         let (group, attempt) = numbers.split_once('-')?;
         let states = [
             (self.claim_extension, AttemptState::Claimed),
@@ -158,7 +162,6 @@ impl WorkKind {
             (self.complete_extension, AttemptState::Complete),
         ];
         let state = states.into_iter().find(|(name, _)| *name == extension)?.1;
-        let attempt = (group.parse().ok()?, attempt.parse().ok()?);
-        (prefix == self.prefix).then_some((attempt, state))
+        Some(((group.parse().ok()?, attempt.parse().ok()?), state))
     }
 }

@@ -1,6 +1,6 @@
 //! The files into which processes write the tiles of their groups.
 
-use std::path::Path;
+use std::{borrow::Cow, path::Path};
 
 use super::claims::{Claim, WorkKind};
 use crate::{
@@ -10,14 +10,14 @@ use crate::{
 
 /// The work of solving tiles: each solved tile is appended to the file of its group.
 pub(super) const TILES: WorkKind = WorkKind {
-    prefix: "tiles",
+    prefix: Cow::Borrowed("tiles"),
     claim_extension: "solved",
     complete_extension: "complete",
 };
 
 /// The work of the first of two rounds, which comes before: as with solving.
 pub(super) const STARTS: WorkKind = WorkKind {
-    prefix: "starts",
+    prefix: Cow::Borrowed("starts"),
     claim_extension: "started",
     complete_extension: "complete",
 };
@@ -39,7 +39,7 @@ pub(crate) fn files_of_others(dir: &Path) -> Result<FilesOfOthers, JobError> {
 /// # Errors
 ///
 /// [`JobError::Io`] or [`TileError::Io`] if the directory or one of the files cannot be read.
-pub(super) fn block_files(kind: &'static WorkKind, dir: &Path) -> Result<Vec<BlockFile>, JobError> {
+pub(super) fn block_files(kind: &WorkKind, dir: &Path) -> Result<Vec<BlockFile>, JobError> {
     block_files_of(&Claim::all(kind, dir)?)
 }
 

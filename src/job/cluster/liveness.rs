@@ -121,13 +121,13 @@ impl Liveness {
 
 #[cfg(test)]
 mod tests {
-    use std::thread;
+    use std::{borrow::Cow, thread};
 
     use super::*;
     use crate::job::cluster::claims::WorkKind;
 
     const KIND: WorkKind = WorkKind {
-        prefix: "work",
+        prefix: Cow::Borrowed("work"),
         claim_extension: "bin",
         complete_extension: "index",
     };

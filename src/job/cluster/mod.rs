@@ -3,8 +3,8 @@
 //!
 //! ```text
 //!   scatter  ─►  handover  ─►  solve  ─►  stitch
-//!   groups of    job and       groups     one process
-//!   scans        plan          of tiles
+//!   groups of    job and       groups     pieces of each work;
+//!   scans        plan          of tiles   one process completes the cloud
 //! ```
 //!
 //! Scans and tiles are divided into groups. Each process claims a group by creating a file
@@ -15,11 +15,13 @@ mod claims;
 mod group_files;
 mod handover;
 mod liveness;
+mod shared_stitch;
 mod status;
 mod tile_groups;
 mod worker;
 
 pub(super) use claims::{AttemptState, Claim, GROUP_LIMIT, WorkKind};
 pub(super) use group_files::files_of_others;
+pub(super) use shared_stitch::SharedStitch;
 pub(crate) use status::JobStatus;
 pub(crate) use worker::Worker;

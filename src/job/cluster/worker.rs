@@ -25,7 +25,8 @@ pub(super) const HEARTBEAT_INTERVAL: Duration = Duration::from_secs(5);
 /// The time between two looks at whether this process is to stop: schedulers give it less than a
 /// second when they do not wait.
 const CANCEL_POLL_INTERVAL: Duration = Duration::from_millis(100);
-/// The time between two listings of the claims while there is nothing to do.
+/// The time between two listings of the claims while there is nothing to do: at first, and at most.
+const FIRST_POLL_INTERVAL: Duration = Duration::from_millis(10);
 const CLAIMS_POLL_INTERVAL: Duration = Duration::from_millis(500);
 
 /// A process that does the work of a job together with others.
@@ -72,7 +73,7 @@ impl Worker {
     /// The errors of `work`; [`TileError::Cancelled`] soon after `cancel` is set.
     pub(crate) fn share(
         &self,
-        kind: &'static WorkKind,
+        kind: &WorkKind,
         dir: &Path,
         count: usize,
         cancel: &AtomicBool,
@@ -81,6 +82,7 @@ impl Worker {
         let order = self.order(count);
         let mut liveness = Liveness::new(self.heartbeat_timeout, self.retry_limit);
         let mut abandoned = HashSet::new();
+        let mut poll_interval = FIRST_POLL_INTERVAL;
         loop {
             if cancel.load(Ordering::Relaxed) {
                 return Err(JobError::Tile(TileError::Cancelled));
@@ -114,7 +116,8 @@ impl Worker {
                 let is_given_up = |&group: &usize| states[group] == GroupState::GivenUp;
                 return Ok((0..count).filter(is_given_up).collect());
             }
-            thread::sleep(CLAIMS_POLL_INTERVAL);
+            thread::sleep(poll_interval);
+            poll_interval = CLAIMS_POLL_INTERVAL.min(2 * poll_interval);
         }
     }
 
@@ -164,10 +167,12 @@ fn with_heartbeat<T>(claim: &Claim, cancel: &AtomicBool, work: impl FnOnce() -> 
 
 #[cfg(test)]
 mod tests {
+    use std::borrow::Cow;
+
     use super::*;
 
     const KIND: WorkKind = WorkKind {
-        prefix: "work",
+        prefix: Cow::Borrowed("work"),
         claim_extension: "bin",
         complete_extension: "index",
     };

@@ -21,13 +21,18 @@ const STEMS: [&str; 15] = [
     "left-out",
     "lock",
     "mesh",
-    "octree",
     "plan",
+    "ranked",
     "spacing",
     "spill",
     "starts",
     "tiles",
     UPLOAD_DIRECTORY,
+];
+
+/// Stems of the names of files in which the stitch keeps what it has made.
+const STITCH_STEMS: [&str; 6] = [
+    "columns", "elected", "figures", "measured", "settled", "sorted",
 ];
 
 /// Endings of the names of a job's files.
@@ -42,22 +47,32 @@ const ENDINGS: [&str; 13] = [
     "left",
     "started",
     "solved",
-    "settled",
+    "pieces",
     "ordered",
     "triangles",
 ];
 
-/// Whether `name` is the name of a file with tiles that are begun, solved or settled.
+/// Whether `name` is the name of a file with tiles that are begun or solved.
 pub(crate) fn is_of_tiles(name: &str) -> bool {
-    name.starts_with("tiles") || name.starts_with("starts")
+    ["tiles", "starts"].contains(&stem_of(name))
+}
+
+/// Whether `name` is the name of a file in which the stitch keeps what it has made.
+pub(super) fn is_of_stitch(name: &str) -> bool {
+    STITCH_STEMS.contains(&stem_of(name))
 }
 
 /// Whether `name` is the name of a file that jobs make.
 pub(super) fn is_own(name: &str) -> bool {
-    let (stem, ending) = name.split_once('.').unwrap_or((name, ""));
-    // Files of groups that processes share carry the numbers of the group and of the attempt.
-    let stem = stem.trim_end_matches(|c: char| c == '-' || c.is_ascii_digit());
-    STEMS.contains(&stem) && ENDINGS.contains(&ending)
+    let ending = name.split_once('.').map_or("", |(_, ending)| ending);
+    let is_known = STEMS.contains(&stem_of(name)) || is_of_stitch(name);
+    is_known && ENDINGS.contains(&ending)
+}
+
+/// The stem of a name without numbers: files of work that processes share have those of the group and of the attempt.
+fn stem_of(name: &str) -> &str {
+    let stem = name.split_once('.').map_or(name, |(stem, _)| stem);
+    stem.trim_end_matches(|c: char| c == '-' || c.is_ascii_digit())
 }
 
 /// Sums the bytes of the files in `dir` whose names are `wanted`; 0 if there is no such directory.
@@ -82,6 +97,9 @@ mod tests {
             "job-12-34.json",
             "spill-3-0.index",
             "starts-3-0.started",
+            "elected3-64-7-0.pieces",
+            "sorted-3-0.bin",
+            "settled.pieces",
             "tiles.solved",
         ] {
             assert!(is_own(own), "{own}");

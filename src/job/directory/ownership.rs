@@ -11,7 +11,7 @@ use std::{
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::{
-    file_names::{LEVELS_DIRECTORY, UPLOAD_DIRECTORY, is_of_tiles, is_own},
+    file_names::{LEVELS_DIRECTORY, UPLOAD_DIRECTORY, is_of_stitch, is_of_tiles, is_own},
     json_files::{read_json, to_json, write_among_others, write_json},
     stamp::Stamp,
 };
@@ -163,7 +163,7 @@ impl JobDirectory {
 
     /// Removes the results of all tiles, and the file from which other processes would solve them.
     pub(crate) fn forget_tiles(&self) {
-        self.forget(|name| is_of_tiles(name) || name == "handover.json");
+        self.forget(|name| is_of_tiles(name) || is_of_stitch(name) || name == "handover.json");
     }
 
     /// Removes the job's files whose names are `wanted`; a file that cannot be removed stays.

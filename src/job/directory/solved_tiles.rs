@@ -4,10 +4,10 @@ use std::path::Path;
 
 use crate::{
     job::{error::JobError, tile_figures::TileFigures},
-    tile::{BlockFile, SolvedTile, TileError},
+    tile::{BlockFile, SolvedCore, SolvedSite, SolvedTile, TileError, band_from_bytes},
 };
 
-/// The solved tiles of a job: two blocks for each tile, its sites and records, then its figures.
+/// The solved tiles of a job: three blocks for each tile, its core, its band, and its figures.
 ///
 /// A tile is solved if its figures are there. The blocks may be in several files; tiles are added
 /// to the last one.
@@ -36,7 +36,7 @@ impl SolvedTiles {
 
     /// Whether `tile` is solved.
     pub(crate) fn contains(&self, tile: u32) -> bool {
-        self.with(figures_key(tile)).is_some()
+        self.with(keys(tile)[2]).is_some()
     }
 
     fn with(&self, key: u64) -> Option<&BlockFile> {
@@ -59,9 +59,10 @@ impl SolvedTiles {
         figures: &TileFigures,
     ) -> Result<(), JobError> {
         let text = serde_json::to_vec(figures).expect("figures are plain numbers");
-        let (solved, key) = (solved.to_bytes(), figures_key(tile));
+        let [core, band] = solved.to_bytes();
+        let [core_key, band_key, figures_key] = keys(tile);
         let file = self.0.last_mut().ok_or_else(damaged)?;
-        file.append(&[(key - 1, &solved), (key, &text)])?;
+        file.append(&[(core_key, &core), (band_key, &band), (figures_key, &text)])?;
         Ok(file.flush()?)
     }
 
@@ -71,24 +72,34 @@ impl SolvedTiles {
     ///
     /// [`JobError::Tile`] if the tile is not solved, or its block is damaged.
     pub(crate) fn figures(&self, tile: u32) -> Result<TileFigures, JobError> {
-        let text = self.read(figures_key(tile))?;
+        let text = self.read(keys(tile)[2])?;
         Ok(serde_json::from_slice(&text).map_err(|_| damaged())?)
     }
 
-    /// Reads the sites and records of `tile`.
+    /// Reads the sites that are at home in `tile`, with their records.
     ///
     /// # Errors
     ///
     /// [`JobError::Tile`] if the tile is not solved, or its block is damaged.
-    pub(crate) fn solved(&self, tile: u32) -> Result<SolvedTile, JobError> {
-        let bytes = self.read(figures_key(tile) - 1)?;
-        Ok(SolvedTile::from_bytes(&bytes).ok_or_else(damaged)?)
+    pub(crate) fn core(&self, tile: u32) -> Result<SolvedCore, JobError> {
+        let bytes = self.read(keys(tile)[0])?;
+        Ok(SolvedCore::from_bytes(&bytes).ok_or_else(damaged)?)
+    }
+
+    /// Reads the sites around the core of `tile`, as it has solved them.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError::Tile`] if the tile is not solved, or its block is damaged.
+    pub(crate) fn band(&self, tile: u32) -> Result<Vec<SolvedSite>, JobError> {
+        let bytes = self.read(keys(tile)[1])?;
+        Ok(band_from_bytes(&bytes).ok_or_else(damaged)?)
     }
 }
 
-/// The number of the block with the figures of `tile`; the block before it contains the tile itself.
-fn figures_key(tile: u32) -> u64 {
-    2 * u64::from(tile) + 1
+/// The keys of the blocks with the core, the band and the figures of `tile`.
+fn keys(tile: u32) -> [u64; 3] {
+    [0, 1, 2].map(|block| 3 * u64::from(tile) + block)
 }
 
 fn damaged() -> TileError {

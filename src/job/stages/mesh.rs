@@ -23,14 +23,17 @@ use crate::{
         error::JobError,
         progress::{Progress, Unit},
     },
-    las::{CloudWriter, CompleteMesh, LasError, MeshFormat, MeshHeader, MeshWriter, RecordView},
+    las::{CompleteMesh, LasError, MeshFormat, MeshHeader, MeshWriter, RecordView},
     mesh::{MeshFigures, MeshPoint, MeshedPart, Sides},
     tile::TileError,
     views::SquareTriangles,
 };
 
+/// Takes records of the cloud in the order of its mesh.
+type WriteRecords<'a> = dyn FnMut(&[u8]) -> Result<(), JobError> + 'a;
+
 impl MeshSource<'_> {
-    /// Writes the points in order to `writer`, and their mesh as the next level of `tiles` or, without tiles, to its file,
+    /// Passes the points in order to `write`, and writes their mesh as the next level of `tiles` or, without tiles, to its file,
     /// complete but not yet under its name. Temporary files are made in `scratch`. The triangles that are `seen` in the
     /// viewer are collected.
     ///
@@ -40,12 +43,12 @@ impl MeshSource<'_> {
     pub(super) fn write(
         &self,
         scratch: &Path,
-        writer: &mut CloudWriter,
+        write: &mut WriteRecords<'_>,
         tiles: Option<&mut MeshTiles>,
         seen: &mut SquareTriangles,
     ) -> Result<(MeshFigures, Option<CompleteMesh>), JobError> {
         let triangulated = self.triangulate(scratch)?;
-        let mesh = self.write_both(&triangulated, writer, tiles, seen)?;
+        let mesh = self.write_both(&triangulated, write, tiles, seen)?;
         self.run.clock.end_stage("mesh");
         Ok((triangulated.figures, mesh))
     }
@@ -173,11 +176,11 @@ impl MeshSource<'_> {
         Ok(())
     }
 
-    /// Writes the points to `writer`, and the mesh to `tiles` or to its file; what the viewer shows of it is `seen`.
+    /// Passes the points to `write`, and writes the mesh to `tiles` or to its file; what the viewer shows of it is `seen`.
     fn write_both(
         &self,
         triangulated: &Triangulated,
-        writer: &mut CloudWriter,
+        write: &mut WriteRecords<'_>,
         tiles: Option<&mut MeshTiles>,
         seen: &mut SquareTriangles,
     ) -> Result<Option<CompleteMesh>, JobError> {
@@ -189,7 +192,7 @@ impl MeshSource<'_> {
         for cell in 0..self.points.cells().len() {
             self.run.check_cancelled()?;
             let records = self.turned_records(cell, &cells.read(cell)?, sides)?;
-            writer.write(&records)?;
+            write(&records)?;
             if let Some(file) = &mut file {
                 file.vertices(&self.vertices(&records))?;
             }

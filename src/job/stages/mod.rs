@@ -3,11 +3,12 @@
 //! ```text
 //!   preparation   survey ─► scatter ─► spacing ─► plan
 //!   solve         tile by tile: load, solve, transfer attributes
-//!   output        stitch ─► write ─► mesh ─► views ─► sort
+//!   output        stitch ─► write ─► mesh ─► sort ─► views
 //! ```
 
 mod cell_attributes;
 mod checksums;
+mod cloud_output;
 mod compatibility;
 mod cut_tiles;
 pub(crate) mod density;
@@ -34,6 +35,7 @@ mod scattered_cloud;
 pub(crate) mod solve;
 mod spacing;
 pub(crate) mod stitch;
+pub(crate) mod stitchers;
 pub(crate) mod survey;
 mod tile_costs;
 pub(crate) mod tile_solver;

@@ -1,14 +1,18 @@
 //! From solved tiles to a complete cloud: stitch, write, views, sort.
 
-use std::sync::Arc;
-
 use super::{
-    mesh_ordering::Ordering, mesh_tiles::MeshTiles, no_points::all_isolated,
-    planned_job::PlannedJob, provenance::provenance, stitch::stitch, tile_solver::TileSolver,
-    views::ResultViews, write::write_tiles,
+    cloud_output::{CloudOutput, OrderedCloud, workspace},
+    mesh_ordering::Ordering,
+    mesh_tiles::MeshTiles,
+    no_points::all_isolated,
+    planned_job::PlannedJob,
+    stitch::stitch,
+    stitchers::{Sorting, Stitchers},
+    tile_solver::TileSolver,
+    views::ResultViews,
+    write::{Measured, measure_tiles},
 };
 use crate::{
-    geometry::Rect,
     job::{
         context::RunContext,
         directory::{Scratch, SolvedTiles},
@@ -17,8 +21,8 @@ use crate::{
         progress::{Progress, Unit},
         tile_figures::TileFigures,
     },
-    las::{CloudHeader, CloudWriter, CompleteCloud, CompleteMesh, Format, Workspace},
-    tile::{SeamTally, SettledTiles, SpillSpace},
+    las::{CompleteCloud, CompleteMesh, Format, help_write_copc},
+    tile::{OneProcess, SettledTiles},
     views::{CloudPair, UniformityMap},
 };
 
@@ -30,7 +34,7 @@ pub(crate) struct CompleteOutput {
 }
 
 /// Stitches the `solved` tiles and writes the cloud, and its mesh if there is one, complete but not yet under their
-/// names. A mesh in `tiles` is the next level there.
+/// names. A mesh in `tiles` is the next level there. If other processes help, they are `shared` with them.
 ///
 /// # Errors
 ///
@@ -41,26 +45,26 @@ pub(crate) fn complete_output(
     solved: &SolvedTiles,
     format: Format,
     tiles_of_mesh: Option<&mut MeshTiles>,
+    shared: Option<&dyn Stitchers>,
 ) -> Result<(Outcome, CompleteOutput), JobError> {
     let (job, solver) = (run.job, &planned.solver);
     let plan = &solver.plan.plan;
     let notes_on_points = planned.notes_on_points();
     let note = |note: &String| run.progress.note(note);
     notes_on_points.iter().for_each(note);
-
-    // Stitch: settle the position of every site.
-    let tile_count = plan.tiles.len() as u64;
-    run.progress.begin("stitch", tile_count, 0, Unit::Tiles);
     let scratch = Scratch::choose(
         job.scratch.as_deref(),
         planned.directory.path(),
         planned.settled_bytes(job.sorted_copies()),
         run.progress,
     )?;
-    let mut settled = SettledTiles::create(scratch.path())?;
-    let seams = settle(run, solver, solved, &mut settled)?;
+    let alone = OneProcess {
+        directory: scratch.path().to_owned(),
+    };
+    let stitchers = shared.unwrap_or(&alone);
 
-    // Write the records, and measure the distances between the points as written.
+    // Stitch: settle the position of every site.
+    let settled = settle(run, solver, solved, stitchers)?;
     let tiles: Vec<TileFigures> = (plan.tiles.iter())
         .map(|tile| solved.figures(tile.id))
         .collect::<Result<_, JobError>>()?;
@@ -68,36 +72,63 @@ pub(crate) fn complete_output(
     if tiles.iter().all(|tile| tile.sites == 0) {
         return Err(all_isolated(isolated.count() as u64, solver.plan.spacing));
     }
-    let cloud = cloud_pair(planned, &settled);
+    let cloud = cloud_pair(solver, &settled);
     let mut map = UniformityMap::of_input(&solver.spill);
     isolated.for_each(|&place| map.push_isolated(place));
-    run.progress.begin("write", tile_count, 0, Unit::Tiles);
-    let mut writer = create_writer(run, planned, format, &scratch)?;
-    let mut ordering = Ordering::begin(run, planned, &scratch)?;
-    let mut write = |records: &[u8]| match &mut ordering {
-        Some(ordering) => ordering.push(run, records),
-        None => Ok(writer.write(records)?),
-    };
-    let (stitched, delta_by_tile) = write_tiles(&cloud, seams, &mut map, &mut write, run.progress)?;
-    run.progress.end();
-    run.clock.end_stage("write");
-
-    // Choose the square of the viewer, in the tile of most sites.
+    // The square of the viewer lies in the tile of most sites.
     let largest = tiles.iter().max_by_key(|tile| tile.sites);
     let largest = largest.map_or(0, |figures| figures.tile.id);
     let mut seen = cloud.viewer_square(largest)?;
 
-    // Find the triangles, and write the records in the order of the mesh.
-    let mesh = match ordering {
-        Some(ordering) => Some(ordering.complete(run, planned, &scratch)?),
-        None => None,
-    };
-    let mesh = mesh.map(|mesh| mesh.write(scratch.path(), &mut writer, tiles_of_mesh, &mut seen));
-    let (mesh_figures, mesh) = mesh.transpose()?.unzip();
-    let mesh = mesh.flatten();
+    // Measure the distances between the points, and write or sort the records.
+    let output = CloudOutput::new(run, planned, format, &alone);
+    let mut way = Way::begin(run, planned, &scratch, &output)?;
+    let mut write = |tile| way.push(run, &settled.records(tile)?);
+    run.progress
+        .begin("write", plan.tiles.len() as u64, 0, Unit::Tiles);
+    let record = solver.transfer.record();
+    let measured = measure_tiles(
+        run,
+        &cloud,
+        record,
+        &mut map,
+        stitchers.workforce(),
+        &mut write,
+    )?;
+    let Measured {
+        stitched,
+        delta_by_tile,
+        brightest,
+        ..
+    } = measured;
+    run.progress.end();
 
-    // Sort the points, if the format or the order asks for it, and complete the file.
-    let complete = sort(run, writer, seen.square.as_ref())?;
+    // Complete the file, and the mesh if there is one.
+    let (complete, mesh_figures, mesh) = match way {
+        Way::ByPosition => {
+            let mut read = |tile: usize| Ok(settled.records(plan.tiles[tile].id)?);
+            let sorted = stitchers.sort(&output.sorting(), plan.tiles.len(), &mut read)?;
+            run.clock.end_stage("write");
+            let (seen, workforce) = (seen.square.as_ref(), stitchers.workforce());
+            let complete = output.write_sorted(sorted, brightest, seen, workforce)?;
+            (complete, None, None)
+        }
+        Way::InOrder(ordered) => {
+            run.clock.end_stage("write");
+            let seen = seen.square.as_ref();
+            (output.complete(ordered, brightest, seen)?, None, None)
+        }
+        Way::ByMesh(ordering) => {
+            run.clock.end_stage("write");
+            let source = ordering.complete(run, planned, &scratch)?;
+            let mut ordered = output.begin()?;
+            let write = &mut |records: &[u8]| ordered.write(records);
+            let (figures, mesh) = source.write(scratch.path(), write, tiles_of_mesh, &mut seen)?;
+            let seen = seen.square.as_ref();
+            let complete = output.complete(ordered, brightest, seen)?;
+            (complete, Some(figures), mesh)
+        }
+    };
 
     // Make the views for the report.
     let levels = complete.levels();
@@ -122,7 +153,10 @@ pub(crate) fn complete_output(
         written: WrittenCloud {
             points: complete.points(),
             bytes: complete.bytes(),
-            delta_by_tile,
+            delta_by_tile: delta_by_tile
+                .into_iter()
+                .map(|delta| delta.unwrap_or(f64::NAN))
+                .collect(),
             levels: complete.levels().map(ReportedLevels::of),
         },
         mesh: mesh_figures,
@@ -136,6 +170,89 @@ pub(crate) fn complete_output(
     Ok((outcome, CompleteOutput { cloud, mesh }))
 }
 
+/// Does parts of the work of [`complete_output`], which another process completes.
+///
+/// # Errors
+///
+/// See [`JobError`].
+pub(crate) fn help_with_output(
+    run: &RunContext<'_>,
+    solver: &TileSolver,
+    solved: &SolvedTiles,
+    format: Format,
+    stitchers: &dyn Stitchers,
+) -> Result<(), JobError> {
+    let plan = &solver.plan.plan;
+    let settled = settle(run, solver, solved, stitchers)?;
+    let cloud = cloud_pair(solver, &settled);
+    let mut map = UniformityMap::of_input(&solver.spill);
+    let record = solver.transfer.record();
+    run.progress
+        .begin("write", plan.tiles.len() as u64, 0, Unit::Tiles);
+    measure_tiles(
+        run,
+        &cloud,
+        record,
+        &mut map,
+        stitchers.workforce(),
+        &mut |_| Ok(()),
+    )?;
+    run.progress.end();
+    if run.job.mesh.is_some() || !run.job.is_sorted() {
+        return Ok(());
+    }
+    let (spacing, quantization) = (solver.options.spacing, &solver.plan.quantization);
+    let buffers = run.budget.buffers();
+    let sorting = Sorting::new(spacing, quantization, record.record_length(), buffers);
+    let mut read = |tile: usize| Ok(settled.records(plan.tiles[tile].id)?);
+    let sorted = stitchers.sort(&sorting, plan.tiles.len(), &mut read)?;
+    if format != Format::Copc {
+        return Ok(());
+    }
+    run.progress.begin("sort", sorted.points(), 0, Unit::Points);
+    let (memory, workforce) = (solver.plan.budget, stitchers.workforce());
+    let workspace = workspace(run, spacing, memory, stitchers, workforce);
+    let helped = help_write_copc(record, quantization, &workspace, &*sorted);
+    run.check_cancelled()?;
+    helped.map_err(JobError::of_store)?;
+    run.progress.end();
+    Ok(())
+}
+
+/// The way of the records from the settled tiles to the file.
+enum Way<'a> {
+    /// In the order of the tiles.
+    InOrder(OrderedCloud),
+    /// In the order of the mesh.
+    ByMesh(Ordering<'a>),
+    /// Sorted by position when all tiles are measured.
+    ByPosition,
+}
+
+impl<'a> Way<'a> {
+    fn begin(
+        run: &'a RunContext<'_>,
+        planned: &PlannedJob,
+        scratch: &Scratch,
+        output: &CloudOutput<'_>,
+    ) -> Result<Self, JobError> {
+        Ok(match Ordering::begin(run, planned, scratch)? {
+            Some(ordering) => Self::ByMesh(ordering),
+            None if run.job.is_sorted() => Self::ByPosition,
+            None => Self::InOrder(output.begin()?),
+        })
+    }
+
+    /// Adds the records of a tile.
+    fn push(&mut self, run: &RunContext<'_>, records: &[u8]) -> Result<(), JobError> {
+        match self {
+            Self::InOrder(ordered) => ordered.write(records),
+            Self::ByMesh(ordering) => ordering.push(run, records),
+            Self::ByPosition => Ok(()),
+        }
+    }
+}
+
 /// The note on an output of so many `points` that misses the number that is to be met exactly.
 fn missed_count(solver: &TileSolver, points: u64) -> Option<String> {
     let wanted = solver.wanted.filter(|wanted| wanted.is_exact)?;
@@ -147,18 +264,20 @@ fn missed_count(solver: &TileSolver, points: u64) -> Option<String> {
     })
 }
 
-/// Settles the position of every site, and reports the end of the stage.
+/// Settles the position of every site, and reports the stage.
 fn settle(
     run: &RunContext<'_>,
     solver: &TileSolver,
     solved: &SolvedTiles,
-    settled: &mut SettledTiles,
-) -> Result<SeamTally, JobError> {
-    let seams = stitch(solver, solved, settled, run.progress)?;
+    stitchers: &dyn Stitchers,
+) -> Result<SettledTiles, JobError> {
+    let tiles = solver.plan.plan.tiles.len() as u64;
+    run.progress.begin("stitch", tiles, 0, Unit::Tiles);
+    let settled = stitch(run, solver, solved, stitchers.workforce())?;
     run.progress.end();
     run.clock.end_stage("stitch");
     run.check_cancelled()?;
-    Ok(seams)
+    Ok(settled)
 }
 
 fn check_conservation(sites: u64, points: u64) -> Result<(), JobError> {
@@ -171,8 +290,7 @@ fn check_conservation(sites: u64, points: u64) -> Result<(), JobError> {
 }
 
 /// The scattered input and the settled output, for measurements and views.
-fn cloud_pair<'a>(planned: &'a PlannedJob, settled: &'a SettledTiles) -> CloudPair<'a> {
-    let solver = &planned.solver;
+fn cloud_pair<'a>(solver: &'a TileSolver, settled: &'a SettledTiles) -> CloudPair<'a> {
     let record = solver.transfer.record();
     CloudPair {
         plan: &solver.plan.plan,
@@ -185,58 +303,4 @@ fn cloud_pair<'a>(planned: &'a PlannedJob, settled: &'a SettledTiles) -> CloudPa
         spacing: solver.options.spacing,
         spacing_at_points: solver.transfer.spacing(),
     }
-}
-
-/// Creates the writer of the output, with its temporary files in `scratch`.
-fn create_writer(
-    run: &RunContext<'_>,
-    planned: &PlannedJob,
-    format: Format,
-    scratch: &Scratch,
-) -> Result<CloudWriter, JobError> {
-    let (job, survey, solver) = (run.job, &planned.survey, &planned.solver);
-    let header = CloudHeader {
-        record: solver.transfer.record().clone(),
-        quantization: solver.plan.quantization,
-        crs: survey.crs.clone(),
-        carried_records: survey.carried_records(),
-        has_standard_time: survey.has_standard_time,
-        provenance: provenance(&job.settings, planned),
-    };
-    let workspace = Workspace {
-        spacing: solver.options.spacing,
-        tile_edge: job.settings.output_tiles.unwrap_or(0.0),
-        order: job.settings.order,
-        pcd: job.settings.pcd,
-        sorting: Arc::new(SpillSpace {
-            directory: scratch.path().to_owned(),
-            buffer_bytes: run.budget.buffers(),
-        }),
-        sort_bytes: run.budget.tile() as usize / 2,
-    };
-    Ok(CloudWriter::create(
-        &job.output,
-        format,
-        &header,
-        Some(&workspace),
-    )?)
-}
-
-/// Completes the file of `writer`, and reports the stage if that sorts the points. If the cloud has levels, those of the
-/// points in `seen` are returned with it.
-fn sort(
-    run: &RunContext<'_>,
-    writer: CloudWriter,
-    seen: Option<&Rect>,
-) -> Result<CompleteCloud, JobError> {
-    let is_sorted = run.job.is_sorted();
-    if is_sorted {
-        run.progress.begin("sort", writer.points(), 0, Unit::Points);
-    }
-    let complete = writer.complete(seen, &|points| run.progress.advance(points))?;
-    if is_sorted {
-        run.progress.end();
-        run.clock.end_stage("sort");
-    }
-    Ok(complete)
 }

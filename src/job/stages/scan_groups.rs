@@ -1,6 +1,9 @@
 //! The spills of a job: one by a single process, or one for each group of scans.
 
-use std::path::{Path, PathBuf};
+use std::{
+    borrow::Cow,
+    path::{Path, PathBuf},
+};
 
 use serde::{Deserialize, Serialize};
 
@@ -15,7 +18,7 @@ use crate::{
 
 /// The work of scattering: the points of each group of parts are brought to a spill of the group.
 pub(crate) const POINTS: WorkKind = WorkKind {
-    prefix: "spill",
+    prefix: Cow::Borrowed("spill"),
     claim_extension: "bin",
     complete_extension: "index",
 };

@@ -24,7 +24,7 @@ use crate::{
         uniformity_by_surface,
     },
     quality::{DistanceTally, UniformityTally},
-    tile::{SolvedSite, SolvedTile, Spill, TileError},
+    tile::{SolvedCore, SolvedSite, SolvedTile, Spill, TileError},
     tiling::{CountedCloud, Tile},
 };
 
@@ -265,10 +265,12 @@ impl TileSolver {
         )?;
         distances.into_iter().for_each(|d| figures.accuracy.push(d));
         let solved = SolvedTile {
-            core: solved_sites(&own),
+            core: SolvedCore {
+                sites: solved_sites(&own),
+                records,
+                record_length: self.transfer.record().record_length(),
+            },
             band: solved_sites(&band),
-            records,
-            record_length: self.transfer.record().record_length(),
         };
         Ok((solved, figures))
     }

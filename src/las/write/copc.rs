@@ -9,34 +9,36 @@
 //! after the header; a table of nodes at the end.)
 
 use std::{
-    collections::BTreeMap,
-    fs::File,
     io::{self, BufWriter, Seek, Write},
-    path::{Path, PathBuf},
+    path::Path,
 };
+
+use laz::LazVlr;
 
 use super::{
     cloud::{CloudHeader, Workspace},
     cloud_levels::CloudLevels,
     columns::ColumnPlan,
-    copc_nodes::{NodeRecords, NodeWriter},
+    copc_nodes::{NodeWriter, compress_nodes},
     las_header::{PointEncoding, las_header},
     leveled_records::LeveledRecords,
     nested_sets::NestedSets,
+    node_bytes::{NodeRecords, compressed_bytes, compressed_nodes, record_bytes, records_of_nodes},
     octree::Octree,
     part_file::PartFile,
+    pieces::Piece,
     point_order::PointOrder,
-    sink::SinkMonitor,
-    store::{RecordSorter, SortedRecords, StoreError},
-    writer::{CloudBody, CloudWriter, Completion},
+    store::{SortedRecords, StoreError},
+    writer::CompleteCloud,
 };
 use crate::{
-    geometry::Rect,
+    geometry::{Quantization, Rect},
     las::{
         error::LasError,
         format::{
             copc::compression_of,
             header::{BOUNDS_START, EXTENDED_START, extended_counts, header_bounds},
+            record_format::RecordFormat,
         },
     },
 };
@@ -44,136 +46,171 @@ use crate::{
 /// The memory that a point takes while its column is sorted, beside its record twice, in
 /// bytes.
 const SORTING_BYTES_PER_POINT: usize = 64;
+/// The most points of a column, however large the memory: processes share columns, and threads share the nodes of one.
+const MOST_POINTS_OF_COLUMN: usize = 1 << 19;
 
-/// The points of a COPC file.
-struct CopcBody {
-    /// The path of the output, for errors.
-    path: PathBuf,
-    file: File,
-    header: CloudHeader,
-    workspace: Workspace,
-    sorter: Box<dyn RecordSorter>,
-}
-
-/// Begins a COPC file at `path`.
+/// Writes the points of `sorted` as a COPC file that is to become `path`. `progress` gets the numbers of points that are
+/// written. The levels of the points in `seen` are returned with the cloud.
 ///
 /// # Errors
 ///
-/// If no file can be made there, or in the `workspace`.
-pub(super) fn create_copc(
+/// If the file cannot be written, or temporary files cannot be read or written.
+pub(super) fn write_copc(
     path: &Path,
     header: &CloudHeader,
-    workspace: &Workspace,
-) -> Result<CloudWriter, LasError> {
-    let (part, file) = PartFile::create_file(path)?;
-    let body = CopcBody {
-        path: path.to_owned(),
-        file,
-        header: header.clone(),
-        workspace: workspace.clone(),
-        sorter: workspace.begin_sorting(header, path)?,
-    };
-    let record_length = header.record.record_length();
-    CloudWriter::new(part, SinkMonitor::default(), Box::new(body), record_length)
-}
-
-impl CloudBody for CopcBody {
-    fn write(&mut self, records: &[u8]) -> Result<(), LasError> {
-        self.sorter
-            .push(records)
-            .map_err(|e| LasError::unwritable(&self.path, e))
-    }
-
-    fn complete(
-        self: Box<Self>,
-        points: u64,
-        seen: Option<&Rect>,
-        progress: &dyn Fn(u64),
-    ) -> Result<Completion, LasError> {
-        let Self {
-            path,
-            file,
-            header,
-            workspace,
-            sorter,
-        } = *self;
-        let wrong = |e: &dyn std::fmt::Display| LasError::unwritable(&path, e);
-        let sorted = sorter.finish().map_err(|e| wrong(&e))?;
-        let las = las_header(&header, PointEncoding::Copc).map_err(|e| wrong(&e))?;
-        let mut file = BufWriter::with_capacity(1 << 20, file);
-        las.write_to(&mut file).map_err(|e| wrong(&e))?;
-        let (bounds, scale) = (sorted.bounds(), header.quantization.scale);
-        let octree = Octree::around(&bounds, workspace.spacing / scale);
-        let sets = NestedSets::elect(&*sorted, octree.radii(), 0, &workspace);
-        let sets = sets.map_err(|e| wrong(&e))?;
-        let order = PointOrder::default();
-        let levels = sets
-            .figures(&workspace)
-            .and_then(|figures| CloudLevels::new(order, &sets, figures, scale, seen))
-            .map_err(|e| wrong(&e))?;
-        let written = write_octree(
-            &*sorted, &sets, &octree, &header, &workspace, file, progress,
-        );
-        let (mut file, hierarchy_offset) = written.map_err(|e| wrong(&e))?;
-        file.flush().map_err(|e| wrong(&e))?;
-        let bounds = header_bounds(&header.quantization, &[bounds.min, bounds.max], points);
-        sets.remove();
-        sorted.remove();
-        let amendments = vec![
-            (BOUNDS_START, bounds),
-            (EXTENDED_START, extended_counts(hierarchy_offset, points)),
-        ];
-        Ok(Completion::File(amendments, Some(levels)))
-    }
-}
-
-/// Writes all points of `sorted` as an octree to `file`, behind its header and records.
-/// `progress` gets the numbers of points that are written. Returns the file, and the offset
-/// of the hierarchy in it.
-fn write_octree<W: Write + Seek + Send>(
+    workspace: &Workspace<'_>,
     sorted: &dyn SortedRecords,
-    levels: &NestedSets<'_>,
-    octree: &Octree,
-    header: &CloudHeader,
-    workspace: &Workspace,
-    file: W,
+    seen: Option<&Rect>,
     progress: &dyn Fn(u64),
-) -> Result<(W, u64), StoreError> {
-    let record = &header.record;
-    let record_length = record.record_length();
-    let most = workspace.sort_bytes / (2 * record_length + SORTING_BYTES_PER_POINT);
-    let ColumnPlan { level, columns } = ColumnPlan::new(octree, sorted, most as u64);
-    // A record is no longer than its format can say.
-    let compression = compression_of(record.point_format, record.extra_length() as u16);
-    let compression = compression.map_err(io::Error::other)?;
-    let mut nodes = NodeWriter::new(file, compression, record_length)?;
-    let mut open = OpenNodes::above(level);
-    let mut reported = 0;
-    for column in columns {
-        for complete in open.leave_for(column) {
-            nodes.add(complete)?;
+) -> Result<CompleteCloud, LasError> {
+    let (part, file) = PartFile::create_file(path)?;
+    let wrong = |e: &dyn std::fmt::Display| LasError::unwritable(path, e);
+    let las = las_header(header, PointEncoding::Copc).map_err(|e| wrong(&e))?;
+    let mut file = BufWriter::with_capacity(1 << 20, file);
+    las.write_to(&mut file).map_err(|e| wrong(&e))?;
+    let (record, quantization) = (&header.record, &header.quantization);
+    let octree = OctreeCloud::elect(record, quantization, workspace, sorted);
+    let octree = octree.map_err(|e| wrong(&e))?;
+    let (order, scale) = (PointOrder::default(), header.quantization.scale);
+    let levels = (octree.sets.figures(workspace))
+        .and_then(|figures| CloudLevels::new(order, &octree.sets, figures, scale, seen))
+        .map_err(|e| wrong(&e))?;
+    let written = octree.write(file, progress);
+    let (mut file, hierarchy_offset) = written.map_err(|e| wrong(&e))?;
+    file.flush().map_err(|e| wrong(&e))?;
+    drop(file);
+    octree.sets.remove();
+    let (bounds, points) = (sorted.bounds(), sorted.points());
+    let bounds = header_bounds(&header.quantization, &[bounds.min, bounds.max], points);
+    let amendments = vec![
+        (BOUNDS_START, bounds),
+        (EXTENDED_START, extended_counts(hierarchy_offset, points)),
+    ];
+    Ok(CompleteCloud::of_file(part, points, amendments)?.with_levels(levels))
+}
+
+/// Does a part of the work of [`write_copc`], whose cloud another process writes.
+///
+/// # Errors
+///
+/// If temporary files cannot be read or written.
+pub(crate) fn help_write_copc(
+    record: &RecordFormat,
+    quantization: &Quantization,
+    workspace: &Workspace<'_>,
+    sorted: &dyn SortedRecords,
+) -> Result<(), StoreError> {
+    let octree = OctreeCloud::elect(record, quantization, workspace, sorted)?;
+    octree.sets.figures(workspace)?;
+    octree.columns(&mut |_, _| Ok(()))
+}
+
+/// A cloud whose points have their levels.
+struct OctreeCloud<'a> {
+    record: &'a RecordFormat,
+    quantization: &'a Quantization,
+    workspace: &'a Workspace<'a>,
+    sorted: &'a dyn SortedRecords,
+    octree: Octree,
+    sets: NestedSets<'a>,
+    plan: ColumnPlan,
+    compression: LazVlr,
+}
+
+impl<'a> OctreeCloud<'a> {
+    /// Elects the levels of the points of `sorted`.
+    fn elect(
+        record: &'a RecordFormat,
+        quantization: &'a Quantization,
+        workspace: &'a Workspace<'a>,
+        sorted: &'a dyn SortedRecords,
+    ) -> Result<Self, StoreError> {
+        let spacing = workspace.spacing / quantization.scale;
+        let octree = Octree::around(&sorted.bounds(), spacing);
+        let bytes_per_point = 2 * record.record_length() + SORTING_BYTES_PER_POINT;
+        let most = (workspace.sort_bytes / bytes_per_point).min(MOST_POINTS_OF_COLUMN);
+        // A record is no longer than its format can say.
+        let compression = compression_of(record.point_format, record.extra_length() as u16);
+        Ok(Self {
+            record,
+            quantization,
+            workspace,
+            sorted,
+            sets: NestedSets::elect(sorted, octree.radii(), 0, workspace)?,
+            plan: ColumnPlan::new(&octree, sorted, most as u64),
+            octree,
+            compression: compression.map_err(io::Error::other)?,
+        })
+    }
+
+    /// Writes all points to `file`, behind its header and records. Returns the file, and the offset of the hierarchy in it.
+    fn write<W: Write + Seek + Send>(
+        &self,
+        file: W,
+        progress: &dyn Fn(u64),
+    ) -> Result<(W, u64), StoreError> {
+        let mut nodes = NodeWriter::new(file, self.compression.clone())?;
+        let mut open = OpenNodes::above(self.plan.level);
+        let compress = |nodes| compress_nodes(nodes, self.record_length(), &self.compression);
+        let mut reported = 0;
+        self.columns(&mut |column, piece| {
+            for complete in open.leave_for(self.plan.columns[column]) {
+                nodes.add(compress(complete)?)?;
+            }
+            let [complete, begun] = piece.try_into().map_err(|_| lost("a column"))?;
+            nodes.add(compressed_nodes(&complete).ok_or_else(|| lost("a node"))?)?;
+            open.add(records_of_nodes(&begun).ok_or_else(|| lost("a node"))?);
+            progress(nodes.points() - reported);
+            reported = nodes.points();
+            Ok(())
+        })?;
+        for complete in open.levels {
+            nodes.add(compress(complete)?)?;
         }
-        let rect = octree.rect_of_column(column, level);
-        let ordered = LeveledRecords::read(sorted, levels, &rect, record_length)?;
-        let complete = distribute(octree, &ordered, &mut open);
-        drop(ordered);
-        nodes.add(complete)?;
         progress(nodes.points() - reported);
-        reported = nodes.points();
+        if nodes.points() != self.sorted.points() {
+            let (written, points) = (nodes.points(), self.sorted.points());
+            return Err(lost(&format!("the node of {written} of {points} points")));
+        }
+        Ok(nodes.finish(&self.octree, self.quantization)?)
     }
-    for complete in open.levels {
-        nodes.add(complete)?;
+
+    /// Passes the columns to `take`, each as the nodes that are complete with it, compressed, and the records of nodes above it.
+    fn columns(
+        &self,
+        take: &mut dyn FnMut(usize, Piece) -> Result<(), StoreError>,
+    ) -> Result<(), StoreError> {
+        let (workforce, columns) = (self.workspace.workforce, &self.plan.columns);
+        let mut make = |column: usize| self.column(columns[column]);
+        workforce.pass("columns", columns.len(), &mut make, take)
     }
-    progress(nodes.points() - reported);
-    if nodes.points() != sorted.points() {
-        let (written, points) = (nodes.points(), sorted.points());
-        let lost = format!(
-            "only {written} of {points} points have a node of the octree; this is a defect of \
-             the program, please report it"
-        );
-        return Err(lost.into());
+
+    fn column(&self, column: [u32; 2]) -> Result<Piece, StoreError> {
+        let (level, length) = (self.plan.level, self.record_length());
+        let rect = self.octree.rect_of_column(column, level);
+        let ordered = LeveledRecords::read(self.sorted, &self.sets, &rect, length)?;
+        let (mut complete, mut begun) = (NodeRecords::new(), NodeRecords::new());
+        for (point, of_point, record) in ordered.iter() {
+            let nodes = match u32::from(of_point) < level {
+                true => &mut begun,
+                false => &mut complete,
+            };
+            let node = self.octree.node(point, of_point.into());
+            nodes.entry(node).or_default().extend(record);
+        }
+        drop(ordered);
+        let complete = compress_nodes(complete, length, &self.compression)?;
+        Ok(vec![compressed_bytes(&complete), record_bytes(&begun)])
     }
-    Ok(nodes.finish(octree, &header.quantization)?)
+
+    fn record_length(&self) -> usize {
+        self.record.record_length()
+    }
+}
+
+/// The error of a cloud that is not what was written.
+fn lost(what: &str) -> StoreError {
+    format!("{what} was lost; this is a defect of the program, please report it").into()
 }
 
 /// The nodes above the columns, as far as they are known: of each level those over the
@@ -207,19 +244,13 @@ impl OpenNodes {
         self.present = Some(column);
         complete
     }
-}
 
-/// Gives every record of a column to a node: to one of the `open` nodes above the column, or
-/// to one of the nodes below, which are returned.
-fn distribute(octree: &Octree, records: &LeveledRecords, open: &mut OpenNodes) -> NodeRecords {
-    let mut complete = BTreeMap::new();
-    for (point, level, record) in records.iter() {
-        let nodes = match open.levels.get_mut(usize::from(level)) {
-            Some(open) => open,
-            None => &mut complete,
-        };
-        let node = octree.node(point, level.into());
-        nodes.entry(node).or_default().extend(record);
+    /// Adds records of nodes above the present column.
+    fn add(&mut self, records: NodeRecords) {
+        for (node, more) in records {
+            if let Some(nodes) = self.levels.get_mut(node.level as usize) {
+                nodes.entry(node).or_default().extend(more);
+            }
+        }
     }
-    complete
 }

@@ -11,7 +11,10 @@ use laz::{
 };
 use rayon::prelude::*;
 
-use super::octree::{NodeKey, Octree};
+use super::{
+    node_bytes::{CompressedNode, NodeRecords},
+    octree::{NodeKey, Octree},
+};
 use crate::{
     geometry::Quantization,
     las::format::{
@@ -19,9 +22,6 @@ use crate::{
         record::RecordView,
     },
 };
-
-/// The records of nodes.
-pub(super) type NodeRecords = BTreeMap<NodeKey, Vec<u8>>;
 
 /// A file whose nodes are being written.
 pub(super) struct NodeWriter<W> {
@@ -33,7 +33,6 @@ pub(super) struct NodeWriter<W> {
     /// The number of points in the nodes so far.
     points: u64,
     compression: LazVlr,
-    record_length: usize,
     /// The position of each node's chunk in the file.
     entries: BTreeMap<NodeKey, ChunkEntry>,
     chunks: ChunkTable,
@@ -48,22 +47,13 @@ struct ChunkEntry {
     points: i32,
 }
 
-/// A node that is compressed.
-struct CompressedNode {
-    key: NodeKey,
-    points: usize,
-    /// The GPS times of the first and of the last point, in seconds.
-    times: [f64; 2],
-    chunk: Vec<u8>,
-}
-
 impl<W: Write + Seek + Send> NodeWriter<W> {
     /// Begins the points of `file`.
     ///
     /// # Errors
     ///
     /// If the file cannot be written.
-    pub(super) fn new(mut file: W, compression: LazVlr, record_length: usize) -> io::Result<Self> {
+    pub(super) fn new(mut file: W, compression: LazVlr) -> io::Result<Self> {
         // The offset of the table of chunks, to be known at the end.
         let start = file.stream_position()?;
         file.write_all(&[0; ChunkTable::OFFSET_SIZE])?;
@@ -73,7 +63,6 @@ impl<W: Write + Seek + Send> NodeWriter<W> {
             points: 0,
             next: start + ChunkTable::OFFSET_SIZE as u64,
             compression,
-            record_length,
             entries: BTreeMap::new(),
             chunks: ChunkTable::default(),
             times: [f64::INFINITY, f64::NEG_INFINITY],
@@ -85,22 +74,13 @@ impl<W: Write + Seek + Send> NodeWriter<W> {
         self.points
     }
 
-    /// Adds `nodes`, each with all of its records.
+    /// Adds `nodes`.
     ///
     /// # Errors
     ///
     /// If the file cannot be written, or a chunk is longer than COPC can say.
-    pub(super) fn add(&mut self, nodes: NodeRecords) -> io::Result<()> {
-        let (length, compression) = (self.record_length, &self.compression);
-        let nodes: Vec<(NodeKey, Vec<u8>)> = nodes.into_iter().collect();
-        let compressed: Vec<CompressedNode> = nodes
-            .into_par_iter()
-            .map(|(key, records)| CompressedNode::new(key, &records, length, compression))
-            .collect::<io::Result<_>>()?;
-        for node in compressed {
-            self.write_chunk(&node)?;
-        }
-        Ok(())
+    pub(super) fn add(&mut self, nodes: Vec<CompressedNode>) -> io::Result<()> {
+        nodes.iter().try_for_each(|node| self.write_chunk(node))
     }
 
     fn write_chunk(&mut self, node: &CompressedNode) -> io::Result<()> {
@@ -121,11 +101,11 @@ impl<W: Write + Seek + Send> NodeWriter<W> {
         };
         self.entries.insert(node.key, entry);
         self.chunks.push(ChunkTableEntry {
-            point_count: node.points as u64,
+            point_count: node.points,
             byte_count: bytes as u64,
         });
         self.next += bytes as u64;
-        self.points += node.points as u64;
+        self.points += node.points;
         self.times[0] = self.times[0].min(node.times[0]);
         self.times[1] = self.times[1].max(node.times[1]);
         Ok(())
@@ -198,22 +178,28 @@ impl<W: Write + Seek + Send> NodeWriter<W> {
     }
 }
 
-impl CompressedNode {
-    fn new(
-        key: NodeKey,
-        records: &[u8],
-        record_length: usize,
-        compression: &LazVlr,
-    ) -> io::Result<Self> {
-        let sorted = by_time(records, record_length);
+/// Compresses `nodes`, each with all of its records of `record_length` bytes, in the order of their keys.
+///
+/// # Errors
+///
+/// If records cannot be compressed.
+pub(super) fn compress_nodes(
+    nodes: NodeRecords,
+    record_length: usize,
+    compression: &LazVlr,
+) -> io::Result<Vec<CompressedNode>> {
+    let nodes: Vec<(NodeKey, Vec<u8>)> = nodes.into_iter().collect();
+    let compressed = nodes.into_par_iter().map(|(key, records)| {
+        let sorted = by_time(&records, record_length);
         let times = [sorted.first(), sorted.last()].map(|r| r.map_or(0.0, |r| gps_time(r)));
-        Ok(Self {
+        Ok(CompressedNode {
             key,
-            points: sorted.len(),
+            points: sorted.len() as u64,
             times,
             chunk: compress(&sorted, compression)?,
         })
-    }
+    });
+    compressed.collect()
 }
 
 fn gps_time(record: &[u8]) -> f64 {

@@ -4,59 +4,67 @@ use std::path::Path;
 
 use super::{
     cloud::{CloudHeader, Workspace},
-    copc::create_copc,
+    copc::write_copc,
     las::create_las,
     las_header::PointEncoding,
     output_format::Format,
-    pcd::create_pcd,
+    pcd::write_pcd,
     ply::create_ply,
-    point_order::PointOrder,
-    progressive::ProgressiveBody,
-    tiles::create_tiles,
-    writer::CloudWriter,
+    progressive::write_progressive,
+    store::SortedRecords,
+    tiles::write_tiles,
+    writer::{CloudWriter, CompleteCloud},
 };
-use crate::las::error::LasError;
+use crate::{geometry::Rect, las::error::LasError};
 
 impl CloudWriter {
-    /// Begins the cloud at `path`, under another name in the same directory. COPC, PCD and
-    /// tiles need a `workspace`, in which their points are sorted, and so does a progressive order.
+    /// Begins the cloud at `path`, under another name in the same directory, in a format that keeps the order of the points.
     ///
     /// # Errors
     ///
-    /// If no file can be made there, or it would replace a directory with other files.
+    /// If no file can be made there, or the `format` keeps no order.
     pub(crate) fn create(
         path: &Path,
         format: Format,
         header: &CloudHeader,
-        workspace: Option<&Workspace>,
     ) -> Result<Self, LasError> {
         format.check_replaceable(path)?;
-        let progressive = workspace
-            .filter(|workspace| workspace.order == PointOrder::Progressive && format.keeps_order());
-        let workspace = || {
-            workspace.ok_or_else(|| {
-                LasError::unwritable(
-                    path,
-                    "its points have to be sorted, but not here; write .laz",
-                )
-            })
-        };
-        let writer = match format {
+        match format {
             Format::Las => create_las(path, header, PointEncoding::Las),
             Format::Laz => create_las(path, header, PointEncoding::Laz),
             Format::Ply => create_ply(path, header),
-            Format::Copc => create_copc(path, header, workspace()?),
-            Format::Pcd => create_pcd(path, header, workspace()?),
-            Format::Tiles(format) => create_tiles(path, format, header, workspace()?),
-        }?;
-        match progressive {
-            Some(workspace) => writer.wrapped(|ordered| {
-                let path = path.to_owned();
-                Ok(Box::new(ProgressiveBody::new(
-                    path, header, workspace, ordered,
-                )?))
-            }),
-            None => Ok(writer),
+            Format::Copc | Format::Pcd | Format::Tiles(_) => Err(LasError::unwritable(
+                path,
+                "its points have to be sorted, but not here; write .laz",
+            )),
+        }
+    }
+}
+
+/// Writes the points of `sorted` as a cloud that is to become `path`: in the order of the `format` or, if it keeps any order,
+/// as a progressive file. If the cloud has levels, those of the points in `seen` are returned with it. `progress` gets the
+/// numbers of points that are written.
+///
+/// # Errors
+///
+/// If the cloud cannot be written, or would replace a directory with other files; nothing is left of it then.
+pub(crate) fn write_sorted(
+    path: &Path,
+    format: Format,
+    header: &CloudHeader,
+    workspace: &Workspace<'_>,
+    sorted: &dyn SortedRecords,
+    seen: Option<&Rect>,
+    progress: &dyn Fn(u64),
+) -> Result<CompleteCloud, LasError> {
+    format.check_replaceable(path)?;
+    match format {
+        Format::Copc => write_copc(path, header, workspace, sorted, seen, progress),
+        Format::Pcd => write_pcd(path, header, workspace, sorted, progress),
+        Format::Tiles(format) => write_tiles(path, format, header, workspace, sorted, progress),
+        Format::Las | Format::Laz | Format::Ply => {
+            let ordered = CloudWriter::create(path, format, header)?;
+            write_progressive(ordered, path, header, workspace, sorted, seen, progress)
         }
     }
 }

@@ -16,7 +16,14 @@
 //!   0 1 0 1
 //! ```
 //!
-//! So the outcome follows from the set of positions: it does not matter which squares are in memory together.
+//! So the outcome follows from the set of positions: it does not matter which squares are in memory together. A part of
+//! the plane is elected alone, with the squares around it on which its own depend:
+//!
+//! ```text
+//!   0 1  0 1  0 1 0     in brackets a part of one block: its square of colour 3 depends on those of colour 2
+//!   . . [2 3] 2 . .     that touch it, these on those of colour 1 that touch them, these on those of
+//!   0 1 [0 1] 0 1 0     colour 0
+//! ```
 
 use std::{
     cmp::Reverse,
@@ -35,8 +42,9 @@ const SQUARE_IN_RADII: f64 = 32.0;
 /// The number of points whose neighbours are searched for together.
 const POINTS_PER_PART: usize = 4096;
 
-/// The colours of the squares, in their order.
-pub(super) const COLORS: Range<u8> = 0..4;
+/// The squares of each colour on which a part depends, in squares beyond its own: west, east and north. To the south there
+/// are none, because parts begin with squares of colours 0 and 1.
+const AROUND_BY_COLOR: [[i64; 3]; 4] = [[2, 3, 1], [1, 2, 1], [0, 1, 0], [0, 0, 0]];
 
 /// The bytes that an election takes for each point in memory: its position twice, in integers and in the cells of a grid,
 /// some ten neighbours, its state, and its place in the queue.
@@ -62,55 +70,56 @@ impl Election {
         }
     }
 
-    /// The least distance of two elected points (stored units).
-    pub(super) fn radius(&self) -> f64 {
-        self.radius
-    }
-
     /// The edge of a square (stored units).
-    pub(super) fn square(&self) -> i64 {
+    fn square(&self) -> i64 {
         (SQUARE_IN_RADII * self.radius).ceil() as i64
     }
 
-    /// The distance from a square of points that matter to it (stored units): those that count, which lie within a
-    /// radius, and the elected points that exclude them.
-    pub(super) fn reach(&self) -> i64 {
-        (2.0 * self.radius).ceil() as i64 + 1
+    /// The edge of a block of four squares (stored units), of which parts consist.
+    pub(super) fn block(&self) -> i64 {
+        2 * self.square()
     }
 
-    /// Elects points of `candidates` in the squares of these `colors` that lie in `rect`, in any order. `elected` are
-    /// points of earlier colours. Candidates and elected points must be known as far as [`reach`](Self::reach) around
-    /// `rect`; of several candidates at one position there is one.
-    pub(super) fn elect(
-        &self,
-        candidates: Vec<Stored>,
-        elected: &[Stored],
-        colors: Range<u8>,
-        rect: &Rect,
-    ) -> Vec<Stored> {
-        let Some(undecided) = self.undecided(candidates, elected) else {
+    /// The rectangle of the points that decide on those in `part`: they lie in squares on which it depends, or count there.
+    pub(super) fn around(&self, part: &Rect) -> Rect {
+        let squares = self.squares_around(part, 0);
+        // Points within a radius count, and points within another one exclude these.
+        squares.grown((2.0 * self.radius).ceil() as i64 + 1)
+    }
+
+    /// The squares of this `color` on which `part` depends, as a rectangle.
+    fn squares_around(&self, part: &Rect, color: u8) -> Rect {
+        let [west, east, north] = AROUND_BY_COLOR[usize::from(color)].map(|n| n * self.square());
+        Rect {
+            min: [part.min[0] - west, part.min[1]],
+            max: [part.max[0] + east, part.max[1] + north],
+        }
+    }
+
+    /// Elects points in `part`, which consists of blocks. The `candidates` are all points [`around`](Self::around) it, in any
+    /// order; of several at one position there is one. Returns the elected points in ascending order.
+    pub(super) fn elect(&self, candidates: Vec<Stored>, part: &Rect) -> Vec<Stored> {
+        let Some(undecided) = self.undecided(candidates) else {
             return Vec::new();
         };
         let neighbors = undecided.neighbors(self.radius);
-        for color in colors {
+        for color in 0..4 {
+            let around = self.squares_around(part, color);
             let squares = undecided.squares.par_iter();
             squares
-                .filter(|square| square.color() == color && square.lies_in(rect, self.square()))
+                .filter(|square| square.color() == color && square.lies_in(&around, self.square()))
                 .for_each(|square| undecided.elect_in(square, &neighbors));
         }
-        undecided.elected()
+        let mut elected = undecided.elected();
+        elected.retain(|&point| part.contains(point));
+        elected.par_sort_unstable();
+        elected
     }
 
-    /// The `candidates` that no `elected` point excludes, in squares; `None` if there are none.
-    fn undecided(&self, candidates: Vec<Stored>, elected: &[Stored]) -> Option<Undecided> {
+    /// The `candidates` in squares; `None` if there are none.
+    fn undecided(&self, candidates: Vec<Stored>) -> Option<Undecided> {
         let origin = *candidates.first()?;
         let mut points = candidates;
-        if !elected.is_empty() {
-            let locals: Vec<Local> = elected.iter().map(|&p| local(p, origin)).collect();
-            let grid = NeighborGrid::new(&locals, self.radius);
-            let is_free = |p: &Stored| !is_near(&grid, local(*p, origin), self.radius);
-            points = points.into_par_iter().filter(is_free).collect();
-        }
         let edge = self.square();
         // The order within a square is that in which ties are broken.
         points.par_sort_unstable_by_key(|p| (index_of(*p, edge), p.tie_break_hash(), *p));
@@ -288,15 +297,6 @@ pub(super) fn local(point: Stored, origin: Stored) -> Local {
     )
 }
 
-/// Whether a point of `grid` is nearer to `center` than `radius`.
-fn is_near(grid: &NeighborGrid, center: Local, radius: f64) -> bool {
-    let mut is_near = false;
-    grid.visit_around(center, radius, |_, point| {
-        is_near |= (point - center).norm_squared() < radius * radius;
-    });
-    is_near
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -356,9 +356,32 @@ mod tests {
     #[test]
     fn an_election_is_that_of_its_slow_twin() {
         let points = cloud(2000);
-        let mut elected = Election::new(90.0).elect(points.clone(), &[], COLORS, &EVERYWHERE);
-        elected.sort_unstable();
+        let elected = Election::new(90.0).elect(points.clone(), &EVERYWHERE);
         assert!(elected.len() > 500, "{}", elected.len());
         assert_eq!(elected, slow(&points, 90.0));
+    }
+
+    #[test]
+    fn parts_are_elected_alone_as_they_are_together() {
+        let (points, election) = (cloud(6000), Election::new(25.0));
+        let block = election.block();
+        let together = election.elect(points.clone(), &EVERYWHERE);
+        let (mut alone, mut parts) = (Vec::new(), 0);
+        for column in -2..=3 {
+            for row in -2..=3 {
+                let part = Rect {
+                    min: [column * block, row * block],
+                    max: [(column + 1) * block, (row + 1) * block],
+                };
+                let around = election.around(&part);
+                let seen = points.iter().filter(|&&p| around.contains(p));
+                let elected = election.elect(seen.copied().collect(), &part);
+                parts += usize::from(!elected.is_empty());
+                alone.extend(elected);
+            }
+        }
+        alone.sort_unstable();
+        assert!(parts > 8, "{parts}");
+        assert_eq!(alone, together);
     }
 }

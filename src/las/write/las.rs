@@ -9,10 +9,10 @@ use super::{
     las_header::{PointEncoding, las_header},
     part_file::PartFile,
     sink::Sink,
-    writer::{CloudBody, CloudWriter, Completion},
+    writer::{Amendments, CloudBody, CloudWriter},
 };
 use crate::{
-    geometry::{Quantization, Rect},
+    geometry::Quantization,
     las::{
         error::LasError,
         format::{
@@ -76,12 +76,7 @@ impl CloudBody for LasBody {
             .map_err(|e| LasError::unwritable(&self.path, e))
     }
 
-    fn complete(
-        self: Box<Self>,
-        points: u64,
-        _seen: Option<&Rect>,
-        _progress: &dyn Fn(u64),
-    ) -> Result<Completion, LasError> {
+    fn complete(self: Box<Self>, points: u64) -> Result<Amendments, LasError> {
         let Self {
             path,
             mut writer,
@@ -98,6 +93,6 @@ impl CloudBody for LasBody {
             (LEGACY_COUNTS.start, no_counts),
             (BOUNDS_START, header_bounds(&quantization, &bounds, points)),
         ];
-        Ok(Completion::File(amendments, None))
+        Ok(amendments)
     }
 }

@@ -3,7 +3,12 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{election::local, point_set::PointSet, store::StoreError};
+use super::{
+    cloud::Workspace,
+    election::local,
+    point_set::{PointSet, points_together},
+    store::StoreError,
+};
 use crate::geometry::{Local, NeighborGrid, Rect, Stored};
 
 /// How far the nearest point is searched for, in radii of the election of the set.
@@ -42,8 +47,8 @@ impl NearestFigures {
 /// Chooses points whose distances are found, of all those of a set in a rectangle.
 type Choice<'a> = dyn Fn(Vec<Stored>, &Rect) -> Result<Vec<Stored>, StoreError> + 'a;
 
-/// Finds the distances of the points of `set` that `chosen` leaves of those in a rectangle. No more than `most` points are in
-/// memory at a time. Lengths are stored units.
+/// Finds the distances of the points of `set` that `chosen` leaves of those in a rectangle, within the memory of the
+/// `workspace`, as the work with this `name`. Lengths are stored units.
 ///
 /// # Errors
 ///
@@ -51,18 +56,45 @@ type Choice<'a> = dyn Fn(Vec<Stored>, &Rect) -> Result<Vec<Stored>, StoreError> 
 pub(super) fn nearest_figures(
     set: &PointSet<'_>,
     radius: f64,
-    most: u64,
     chosen: &Choice<'_>,
+    name: &str,
+    workspace: &Workspace<'_>,
 ) -> Result<NearestFigures, StoreError> {
     let farthest = FARTHEST_IN_RADII * radius;
-    let reach = farthest.ceil() as i64;
-    let (mut points, mut measured, mut sum, mut least) = (0_u64, 0_u64, 0.0, f64::INFINITY);
-    let mut sum_of_squares = 0.0;
-    for part in set.parts((PART_IN_RADII * radius).ceil() as i64, reach, most) {
-        let around = part.grown(reach);
-        let found = chosen(set.read(&around)?, &around)?;
+    let around = |part: &Rect| part.grown(farthest.ceil() as i64);
+    let edge = (PART_IN_RADII * radius).ceil() as i64;
+    let parts = set.parts(edge, &around, points_together(workspace));
+    let mut sums = NearestSums::default();
+    let mut measure = |piece: usize| {
+        let part = &parts[piece];
+        let found = chosen(set.read(&around(part))?, &around(part))?;
+        let of_part = NearestSums::of(&found, part, radius, farthest);
+        Ok(vec![of_part.to_bytes()])
+    };
+    let mut add = |_, piece: Vec<Vec<u8>>| {
+        sums.add(&NearestSums::from_bytes(&piece.concat()));
+        Ok(())
+    };
+    let workforce = workspace.workforce;
+    workforce.pass(name, parts.len(), &mut measure, &mut add)?;
+    Ok(sums.figures(radius))
+}
+
+/// The sums over nearest distances from which the figures follow.
+#[derive(Clone, Copy, Debug, Default)]
+struct NearestSums {
+    points: u64,
+    measured: u64,
+    sum: f64,
+    sum_of_squares: f64,
+    least: f64,
+}
+
+impl NearestSums {
+    /// The distances of those of the points `found` that lie in `part`, which are about `radius` apart, up to `farthest`.
+    fn of(found: &[Stored], part: &Rect, radius: f64, farthest: f64) -> Self {
         let Some(&origin) = found.first() else {
-            continue;
+            return Self::default();
         };
         let locals: Vec<Local> = found.par_iter().map(|&p| local(p, origin)).collect();
         let grid = NeighborGrid::new(&locals, radius);
@@ -75,21 +107,72 @@ pub(super) fn nearest_figures(
                 nearest.map(|(_, squared)| squared.sqrt())
             })
             .collect();
-        points += nearest.len() as u64;
+        let mut sums = Self {
+            points: nearest.len() as u64,
+            ..Self::default()
+        };
         for distance in nearest.into_iter().flatten() {
-            measured += 1;
-            sum += distance;
-            sum_of_squares += distance * distance;
-            least = f64::min(least, distance);
+            sums.add(&Self {
+                points: 0,
+                measured: 1,
+                sum: distance,
+                sum_of_squares: distance * distance,
+                least: distance,
+            });
+        }
+        sums
+    }
+
+    fn add(&mut self, other: &Self) {
+        if other.measured > 0 {
+            let is_first = self.measured == 0;
+            self.least = if is_first {
+                other.least
+            } else {
+                self.least.min(other.least)
+            };
+        }
+        self.points += other.points;
+        self.measured += other.measured;
+        self.sum += other.sum;
+        self.sum_of_squares += other.sum_of_squares;
+    }
+
+    fn figures(&self, radius: f64) -> NearestFigures {
+        let (count, mean) = (self.measured as f64, self.sum / self.measured as f64);
+        let variance = (self.sum_of_squares / count - mean * mean).max(0.0);
+        NearestFigures {
+            points: self.points,
+            spacing: radius,
+            mean,
+            cv: variance.sqrt() / mean,
+            least: if self.measured > 0 {
+                self.least
+            } else {
+                f64::INFINITY
+            },
         }
     }
-    let mean = sum / measured as f64;
-    let variance = (sum_of_squares / measured as f64 - mean * mean).max(0.0);
-    Ok(NearestFigures {
-        points,
-        spacing: radius,
-        mean,
-        cv: variance.sqrt() / mean,
-        least,
-    })
+
+    fn to_bytes(self) -> Vec<u8> {
+        let counts = [self.points, self.measured];
+        let reals = [self.sum, self.sum_of_squares, self.least];
+        let words = counts.into_iter().chain(reals.map(f64::to_bits));
+        words.flat_map(u64::to_le_bytes).collect()
+    }
+
+    fn from_bytes(bytes: &[u8]) -> Self {
+        let word = |number: usize| {
+            let word = bytes.get(8 * number..8 * number + 8);
+            word.and_then(|word| word.try_into().ok())
+                .map_or(0, u64::from_le_bytes)
+        };
+        Self {
+            points: word(0),
+            measured: word(1),
+            sum: f64::from_bits(word(2)),
+            sum_of_squares: f64::from_bits(word(3)),
+            least: f64::from_bits(word(4)),
+        }
+    }
 }

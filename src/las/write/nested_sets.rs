@@ -13,7 +13,7 @@ use super::{
     cloud::Workspace,
     election::Election,
     nearest_figures::{NearestFigures, nearest_figures},
-    point_set::{ElectedSet, PointSet, points_in_memory},
+    point_set::{ElectedSet, PointSet},
     radius_search::elect_number,
     store::{SortedRecords, StoreError},
 };
@@ -37,7 +37,7 @@ impl<'a> NestedSets<'a> {
         all: &'a dyn SortedRecords,
         radii: impl IntoIterator<Item = f64>,
         fewest: u64,
-        workspace: &Workspace,
+        workspace: &Workspace<'_>,
     ) -> Result<Self, StoreError> {
         let mut radii = radii.into_iter();
         Self::nest(all, fewest, |from, _, number| match radii.next() {
@@ -61,7 +61,7 @@ impl<'a> NestedSets<'a> {
         shares: impl IntoIterator<Item = f64>,
         radius: f64,
         fewest: u64,
-        workspace: &Workspace,
+        workspace: &Workspace<'_>,
     ) -> Result<Self, StoreError> {
         let mut shares = shares.into_iter();
         Self::nest(all, fewest, |from, last_radius, number| {
@@ -137,12 +137,18 @@ impl<'a> NestedSets<'a> {
     /// # Errors
     ///
     /// If temporary files cannot be read.
-    pub(super) fn figures(&self, workspace: &Workspace) -> Result<Vec<NearestFigures>, StoreError> {
-        let most = points_in_memory(workspace);
+    pub(super) fn figures(
+        &self,
+        workspace: &Workspace<'_>,
+    ) -> Result<Vec<NearestFigures>, StoreError> {
         let figures = self
             .elected
             .iter()
-            .map(|(set, radius)| nearest_figures(set, *radius, most, &|found, _| Ok(found)));
+            .enumerate()
+            .map(|(number, (set, radius))| {
+                let name = format!("figures{number}");
+                nearest_figures(set, *radius, &|found, _| Ok(found), &name, workspace)
+            });
         figures.collect()
     }
 
@@ -155,7 +161,7 @@ impl<'a> NestedSets<'a> {
     pub(super) fn figures_of_share(
         &self,
         share: f64,
-        workspace: &Workspace,
+        workspace: &Workspace<'_>,
     ) -> Result<NearestFigures, StoreError> {
         let wanted = share * self.all.points() as f64;
         let set = (0..self.last())
@@ -183,7 +189,7 @@ impl<'a> NestedSets<'a> {
             found.retain(|p| order_key(*p) <= limit || before.binary_search(p).is_ok());
             Ok(found)
         };
-        let figures = nearest_figures(from, radius, points_in_memory(workspace), &chosen)?;
+        let figures = nearest_figures(from, radius, &chosen, "figures", workspace)?;
         Ok(NearestFigures {
             spacing: f64::NAN,
             ..figures

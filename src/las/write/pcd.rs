@@ -6,7 +6,7 @@
 use std::{
     fs::File,
     io::{BufWriter, Write},
-    path::{Path, PathBuf},
+    path::Path,
 };
 
 use super::{
@@ -14,11 +14,10 @@ use super::{
     lzf::LzfWriter,
     ordered_records::OrderedRecords,
     part_file::PartFile,
-    pcd_fields::{PcdField, brightness},
+    pcd_fields::PcdField,
     pcd_options::PcdEncoding,
-    sink::SinkMonitor,
-    store::{RecordSorter, StoreError},
-    writer::{CloudBody, CloudWriter, CompleteCloud, Completion},
+    store::{SortedRecords, StoreError},
+    writer::{Amendments, CompleteCloud},
 };
 use crate::{
     geometry::{Quantization, Rect},
@@ -50,13 +49,8 @@ pub(super) struct PcdCloud {
 }
 
 impl PcdCloud {
-    /// The files of a cloud with this `header`, points within `bounds`, and colours up to `brightest`.
-    pub(super) fn new(
-        header: &CloudHeader,
-        workspace: &Workspace,
-        bounds: &Bounds,
-        brightest: u16,
-    ) -> Self {
+    /// The files of a cloud with this `header` and points within `bounds`.
+    pub(super) fn new(header: &CloudHeader, workspace: &Workspace<'_>, bounds: &Bounds) -> Self {
         let quantization = header.quantization;
         let corner = |stored: [i32; 3]| {
             [0, 1, 2].map(|axis| {
@@ -73,7 +67,7 @@ impl PcdCloud {
                 scale: quantization.scale,
                 offset: [0, 1, 2].map(|axis| quantization.offset[axis] - origin[axis]),
             },
-            brightest,
+            brightest: workspace.brightest,
             crs: header.crs.clone(),
             column_bytes: workspace.sort_bytes as u64,
         }
@@ -222,81 +216,29 @@ impl PcdCloud {
     }
 }
 
-/// Bytes of a file that are overwritten, with the offset of the first one.
-type Amendments = Vec<(u64, Vec<u8>)>;
-
 /// The number of points as the header has it.
 fn padded_count(points: u64) -> String {
     format!("{points:<COUNT_LETTERS$}")
 }
 
-/// The points of a PCD file.
-struct PcdBody {
-    path: PathBuf,
-    file: File,
-    header: CloudHeader,
-    workspace: Workspace,
-    sorter: Box<dyn RecordSorter>,
-    brightest: u16,
-}
-
-/// Begins a PCD file at `path`.
+/// Writes the points of `sorted` as a PCD file that is to become `path`.
 ///
 /// # Errors
 ///
-/// If no file can be made there, or in the `workspace`.
-pub(super) fn create_pcd(
+/// If the file cannot be written, or temporary files cannot be read.
+pub(super) fn write_pcd(
     path: &Path,
     header: &CloudHeader,
-    workspace: &Workspace,
-) -> Result<CloudWriter, LasError> {
-    let (part, file) = PartFile::create_file(path)?;
-    let body = PcdBody {
-        path: path.to_owned(),
-        file,
-        header: header.clone(),
-        workspace: workspace.clone(),
-        sorter: workspace.begin_sorting(header, path)?,
-        brightest: 0,
-    };
-    let record_length = header.record.record_length();
-    CloudWriter::new(part, SinkMonitor::default(), Box::new(body), record_length)
-}
-
-impl CloudBody for PcdBody {
-    fn write(&mut self, records: &[u8]) -> Result<(), LasError> {
-        self.brightest = self.brightest.max(brightness(records, &self.header.record));
-        self.sorter
-            .push(records)
-            .map_err(|e| LasError::unwritable(&self.path, e))
-    }
-
-    fn complete(
-        self: Box<Self>,
-        _points: u64,
-        _seen: Option<&Rect>,
-        progress: &dyn Fn(u64),
-    ) -> Result<Completion, LasError> {
-        let Self {
-            path,
-            file,
-            header,
-            workspace,
-            sorter,
-            brightest,
-        } = *self;
-        let wrong = |e: StoreError| LasError::unwritable(&path, e);
-        let sorted = sorter.finish().map_err(wrong)?;
-        let bounds = sorted.bounds();
-        let pcd = PcdCloud::new(&header, &workspace, &bounds, brightest);
-        let length = header.record.record_length();
-        let cloud = OrderedRecords::new(&*sorted, length, workspace.sort_bytes);
-        let written = pcd.write_to(file, &cloud, &whole(&bounds), &mut |_| {});
-        let (points, amendments) = written.map_err(wrong)?;
-        progress(points);
-        sorted.remove();
-        Ok(Completion::File(amendments, None))
-    }
+    workspace: &Workspace<'_>,
+    sorted: &dyn SortedRecords,
+    progress: &dyn Fn(u64),
+) -> Result<CompleteCloud, LasError> {
+    let bounds = sorted.bounds();
+    let pcd = PcdCloud::new(header, workspace, &bounds);
+    let ordered = OrderedRecords::new(sorted, header.record.record_length(), workspace.sort_bytes);
+    let cloud = pcd.write_file(path, &ordered, &whole(&bounds), &mut |_| {})?;
+    progress(cloud.points());
+    Ok(cloud)
 }
 
 /// The rectangle of all points within `bounds`.

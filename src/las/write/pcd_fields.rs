@@ -92,7 +92,7 @@ impl PcdField {
 }
 
 /// The largest red, green or blue of `records`; zero if they have no colour.
-pub(super) fn brightness(records: &[u8], format: &RecordFormat) -> u16 {
+pub(crate) fn brightness(records: &[u8], format: &RecordFormat) -> u16 {
     let brightness = |record| DisplayAttributes::of_record(record, format.has_color()).brightness();
     let records = records.chunks_exact(format.record_length());
     records.map(brightness).max().unwrap_or(0)

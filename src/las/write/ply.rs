@@ -13,10 +13,10 @@ use super::{
     cloud::CloudHeader,
     part_file::PartFile,
     sink::Sink,
-    writer::{CloudBody, CloudWriter, Completion},
+    writer::{Amendments, CloudBody, CloudWriter},
 };
 use crate::{
-    geometry::{Quantization, Rect, Stored},
+    geometry::{Quantization, Stored},
     las::{
         error::LasError,
         format::{
@@ -127,12 +127,7 @@ impl CloudBody for PlyBody {
             .map_err(|e| LasError::unwritable(&self.path, e))
     }
 
-    fn complete(
-        mut self: Box<Self>,
-        points: u64,
-        _seen: Option<&Rect>,
-        _progress: &dyn Fn(u64),
-    ) -> Result<Completion, LasError> {
+    fn complete(mut self: Box<Self>, points: u64) -> Result<Amendments, LasError> {
         self.sink
             .flush()
             .map_err(|e| LasError::unwritable(&self.path, e))?;
@@ -140,6 +135,6 @@ impl CloudBody for PlyBody {
         if let (Some(offset), false) = (self.color_offset, self.is_deep) {
             changes.push((offset, ColorDepth::Eight.header_lines().into_bytes()));
         }
-        Ok(Completion::File(changes, None))
+        Ok(changes)
     }
 }

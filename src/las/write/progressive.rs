@@ -5,7 +5,7 @@
 //! set that contains them, those of a set by a hash: from the sort of positions to that of the file by a second temporary
 //! file, in which the coordinate of a record is its approximate number in the file.
 
-use std::path::PathBuf;
+use std::path::Path;
 
 use super::{
     cloud::{CloudHeader, Workspace},
@@ -14,8 +14,8 @@ use super::{
     nested_sets::{NestedSets, order_key},
     point_order::PointOrder,
     point_set::PointSet,
-    store::{RecordSorter, SortedRecords, StoreError},
-    writer::{CloudBody, Completion},
+    store::{SortedRecords, StoreError},
+    writer::{CloudWriter, CompleteCloud},
 };
 use crate::{
     geometry::{Rect, Stored},
@@ -41,92 +41,57 @@ const CELLS: u64 = 4096;
 /// The memory that a record takes while it is sorted, beside itself twice, in bytes.
 const SORTING_BYTES_PER_POINT: usize = 64;
 
-/// The points of a file in progressive order.
-pub(super) struct ProgressiveBody {
-    /// The path of the output, for errors.
-    path: PathBuf,
-    header: CloudHeader,
-    workspace: Workspace,
-    sorter: Box<dyn RecordSorter>,
-    /// The body that gets the records in their order.
-    ordered: Box<dyn CloudBody>,
+/// Writes the points of `sorted` to `ordered`, which is to become `path`, in progressive order. `progress` gets the numbers of
+/// points that are written. The ranks of the points in `seen` are returned with the cloud.
+///
+/// # Errors
+///
+/// If the cloud cannot be written, or temporary files cannot be read or written.
+pub(super) fn write_progressive(
+    mut ordered: CloudWriter,
+    path: &Path,
+    header: &CloudHeader,
+    workspace: &Workspace<'_>,
+    sorted: &dyn SortedRecords,
+    seen: Option<&Rect>,
+    progress: &dyn Fn(u64),
+) -> Result<CompleteCloud, LasError> {
+    let length = header.record.record_length();
+    let mut write = |records: &[u8]| -> Result<(), StoreError> {
+        ordered.write(records)?;
+        progress((records.len() / length) as u64);
+        Ok(())
+    };
+    let levels = in_progressive_order(header, workspace, sorted, seen, &mut write);
+    let levels = levels.map_err(|e| LasError::unwritable(path, e))?;
+    Ok(ordered.complete()?.with_levels(levels))
 }
 
-impl ProgressiveBody {
-    /// A body that puts records in order before it passes them to `ordered`.
-    ///
-    /// # Errors
-    ///
-    /// If no temporary file can be made.
-    pub(super) fn new(
-        path: PathBuf,
-        header: &CloudHeader,
-        workspace: &Workspace,
-        ordered: Box<dyn CloudBody>,
-    ) -> Result<Self, LasError> {
-        Ok(Self {
-            header: header.clone(),
-            workspace: workspace.clone(),
-            sorter: workspace.begin_sorting(header, &path)?,
-            ordered,
-            path,
-        })
+/// Passes the records of `sorted` to `write` in progressive order, and returns the ranks.
+fn in_progressive_order(
+    header: &CloudHeader,
+    workspace: &Workspace<'_>,
+    sorted: &dyn SortedRecords,
+    seen: Option<&Rect>,
+    write: &mut dyn FnMut(&[u8]) -> Result<(), StoreError>,
+) -> Result<CloudLevels, StoreError> {
+    let scale = header.quantization.scale;
+    let finest = FINEST_RADIUS_IN_SPACINGS * workspace.spacing / scale;
+    let shares = shares().take(MOST_SETS);
+    let sets = NestedSets::elect_shares(sorted, shares, finest, FEWEST_POINTS, workspace)?;
+    let figures = REPORTED_SHARES.map(|share| sets.figures_of_share(share, workspace));
+    let figures = figures.into_iter().collect::<Result<_, StoreError>>()?;
+    let levels = CloudLevels::new(PointOrder::Progressive, &sets, figures, scale, seen)?;
+    let record_length = header.record.record_length();
+    let places = Places::new(&levels.points);
+    let by_place = by_place(sorted, &sets, &places, workspace, record_length)?;
+    sets.remove();
+    for rect in ranges_of_places(&*by_place, sorting_points(workspace, record_length)) {
+        let records = by_place.read(&rect)?;
+        write(&in_order(&records, HEAD_BYTES + record_length))?;
     }
-}
-
-impl CloudBody for ProgressiveBody {
-    fn write(&mut self, records: &[u8]) -> Result<(), LasError> {
-        self.sorter
-            .push(records)
-            .map_err(|e| LasError::unwritable(&self.path, e))
-    }
-
-    fn complete(
-        self: Box<Self>,
-        points: u64,
-        seen: Option<&Rect>,
-        progress: &dyn Fn(u64),
-    ) -> Result<Completion, LasError> {
-        let Self {
-            path,
-            header,
-            workspace,
-            sorter,
-            mut ordered,
-        } = *self;
-        let wrong = |e: StoreError| LasError::unwritable(&path, e);
-        let quantization = &header.quantization;
-        let sorted = sorter.finish().map_err(wrong)?;
-        let finest = FINEST_RADIUS_IN_SPACINGS * workspace.spacing / quantization.scale;
-        let shares = shares().take(MOST_SETS);
-        let sets = NestedSets::elect_shares(&*sorted, shares, finest, FEWEST_POINTS, &workspace);
-        let sets = sets.map_err(wrong)?;
-        let figures = REPORTED_SHARES.map(|share| sets.figures_of_share(share, &workspace));
-        let figures = figures.into_iter().collect::<Result<_, StoreError>>();
-        let scale = quantization.scale;
-        let order = PointOrder::Progressive;
-        let levels = figures
-            .and_then(|figures| CloudLevels::new(order, &sets, figures, scale, seen))
-            .map_err(wrong)?;
-        let record_length = header.record.record_length();
-        let places = Places::new(&levels.points);
-        let by_place = by_place(&*sorted, &sets, &places, &workspace, record_length);
-        let by_place = by_place.map_err(wrong)?;
-        sets.remove();
-        sorted.remove();
-        let most = sorting_points(&workspace, record_length);
-        for rect in ranges_of_places(&*by_place, most) {
-            let records = by_place.read(&rect).map_err(wrong)?;
-            let records = in_order(&records, HEAD_BYTES + record_length);
-            ordered.write(&records)?;
-            progress((records.len() / record_length) as u64);
-        }
-        by_place.remove();
-        match ordered.complete(points, None, &|_| {})? {
-            Completion::File(amendments, _) => Ok(Completion::File(amendments, Some(levels))),
-            directory => Ok(directory),
-        }
-    }
+    by_place.remove();
+    Ok(levels)
 }
 
 /// The shares of all points that are elected: 0.3, 0.1, 0.03, 0.01, …
@@ -136,7 +101,7 @@ fn shares() -> impl Iterator<Item = f64> {
 }
 
 /// The number of records that fit the memory of `workspace` while they are sorted.
-fn sorting_points(workspace: &Workspace, record_length: usize) -> u64 {
+fn sorting_points(workspace: &Workspace<'_>, record_length: usize) -> u64 {
     let bytes = 2 * (HEAD_BYTES + record_length) + SORTING_BYTES_PER_POINT;
     (workspace.sort_bytes / bytes) as u64
 }
@@ -182,13 +147,13 @@ fn by_place(
     sorted: &dyn SortedRecords,
     sets: &NestedSets<'_>,
     places: &Places,
-    workspace: &Workspace,
+    workspace: &Workspace<'_>,
     record_length: usize,
 ) -> Result<Box<dyn SortedRecords>, StoreError> {
     let length = HEAD_BYTES + record_length;
-    let mut file = workspace.sorting.begin("octree-0", places.grid(), length)?;
+    let mut file = workspace.sorting.begin("ranked", places.grid(), length)?;
     let most = sorting_points(workspace, record_length);
-    for part in PointSet::Records(sorted).parts(1 << 8, 0, most) {
+    for part in PointSet::Records(sorted).parts(1 << 8, &|part| *part, most) {
         let leveled = LeveledRecords::read(sorted, sets, &part, record_length)?;
         let mut bytes = Vec::new();
         for (point, set, record) in leveled.iter() {
@@ -236,46 +201,31 @@ fn in_order(records: &[u8], length: usize) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::{Arc, Mutex};
-
     use super::*;
     use crate::{
         geometry::{Quantization, spread},
-        las::{format::record_format::RecordFormat, write::stored_in_memory::workspace},
+        las::{
+            format::record_format::RecordFormat,
+            write::{
+                store::SortingSpace,
+                stored_in_memory::{MemorySpace, workspace},
+            },
+        },
     };
-
-    /// A body that collects records.
-    struct Collected(Arc<Mutex<Vec<u8>>>);
-
-    impl CloudBody for Collected {
-        fn write(&mut self, records: &[u8]) -> Result<(), LasError> {
-            self.0.lock().unwrap().extend(records);
-            Ok(())
-        }
-
-        fn complete(
-            self: Box<Self>,
-            _points: u64,
-            _seen: Option<&Rect>,
-            _progress: &dyn Fn(u64),
-        ) -> Result<Completion, LasError> {
-            Ok(Completion::File(Vec::new(), None))
-        }
-    }
 
     /// The records in progressive order, with so many bytes of memory, and the numbers of points of the sets.
     fn ordered(records: &[u8], header: &CloudHeader, bytes: usize) -> (Vec<u8>, Vec<u64>) {
-        let collected = Arc::new(Mutex::new(Vec::new()));
-        let body = Box::new(Collected(collected.clone()));
-        let workspace = workspace(1.0, bytes);
-        let mut body = ProgressiveBody::new(PathBuf::new(), header, &workspace, body).unwrap();
-        body.write(records).unwrap();
-        let Completion::File(_, Some(levels)) = Box::new(body).complete(0, None, &|_| {}).unwrap()
-        else {
-            panic!("a progressive cloud has levels");
+        let length = header.record.record_length();
+        let mut sorter = MemorySpace.begin("", CellGrid::new(800), length).unwrap();
+        sorter.push(records).unwrap();
+        let (sorted, mut found) = (sorter.finish().unwrap(), Vec::new());
+        let mut write = |records: &[u8]| {
+            found.extend_from_slice(records);
+            Ok(())
         };
-        let bytes = collected.lock().unwrap().clone();
-        (bytes, levels.points)
+        let workspace = workspace(1.0, bytes);
+        let levels = in_progressive_order(header, &workspace, &*sorted, None, &mut write).unwrap();
+        (found, levels.points)
     }
 
     #[test]

@@ -26,7 +26,7 @@ pub(super) fn elect_number(
     from: &PointSet<'_>,
     wanted: f64,
     mut radius: f64,
-    workspace: &Workspace,
+    workspace: &Workspace<'_>,
     number: usize,
 ) -> Result<ElectedSet, StoreError> {
     let elect = |radius: f64, attempt: usize| -> Result<ElectedSet, StoreError> {

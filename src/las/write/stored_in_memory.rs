@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::{
     cloud::Workspace,
     pcd_options::PcdOptions,
-    point_order::PointOrder,
+    pieces::{KeptPieces, MakePiece, Piece, TakePiece, Workforce},
     store::{RecordSorter, SortedRecords, SortingSpace, StoreError},
 };
 use crate::{
@@ -16,6 +16,13 @@ use crate::{
 #[derive(Debug)]
 pub(super) struct MemorySpace;
 
+/// One process that keeps pieces in memory.
+#[derive(Debug)]
+pub(super) struct InMemory;
+
+#[derive(Debug)]
+struct PiecesInMemory(Vec<Piece>);
+
 /// Records of a length, and the grid by which they are counted.
 pub(super) struct MemoryRecords {
     bytes: Vec<u8>,
@@ -24,15 +31,50 @@ pub(super) struct MemoryRecords {
 }
 
 /// A workspace for points one hundredth of a unit apart, with so many bytes of memory.
-pub(super) fn workspace(spacing: f64, sort_bytes: usize) -> Workspace {
+pub(super) fn workspace(spacing: f64, sort_bytes: usize) -> Workspace<'static> {
     Workspace {
         spacing,
         tile_edge: 0.0,
-        order: PointOrder::Progressive,
         pcd: PcdOptions::default(),
+        brightest: 0,
         sorting: Arc::new(MemorySpace),
+        workforce: &InMemory,
         sort_bytes,
     }
+}
+
+impl Workforce for InMemory {
+    fn is_shared(&self) -> bool {
+        false
+    }
+
+    fn keep(
+        &self,
+        _name: &str,
+        count: usize,
+        make: &mut MakePiece<'_>,
+    ) -> Result<Box<dyn KeptPieces>, StoreError> {
+        let pieces = (0..count).map(make).collect::<Result<_, _>>()?;
+        Ok(Box::new(PiecesInMemory(pieces)))
+    }
+
+    fn pass(
+        &self,
+        _name: &str,
+        count: usize,
+        make: &mut MakePiece<'_>,
+        take: &mut TakePiece<'_>,
+    ) -> Result<(), StoreError> {
+        (0..count).try_for_each(|piece| take(piece, make(piece)?))
+    }
+}
+
+impl KeptPieces for PiecesInMemory {
+    fn read(&self, piece: usize, section: usize) -> Result<Vec<u8>, StoreError> {
+        Ok(self.0[piece][section].clone())
+    }
+
+    fn remove(self: Box<Self>) {}
 }
 
 impl SortingSpace for MemorySpace {

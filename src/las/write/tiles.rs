@@ -1,6 +1,6 @@
 //! A cloud as a directory of LAZ or PCD files, one for each square of the plane, with an index, and a catalogue of LAZ.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde_json::{Value, json};
 
@@ -11,109 +11,50 @@ use super::{
     ordered_records::OrderedRecords,
     part_file::PartFile,
     pcd::PcdCloud,
-    pcd_fields::brightness,
     pcd_tiles::write_driving_index,
-    sink::SinkMonitor,
     squares::Squares,
-    store::{RecordSorter, SortedRecords},
+    store::SortedRecords,
     tile_catalogue::{CataloguedTile, tile_catalogue},
     tile_format::TileFormat,
     tile_names::{CATALOGUE_ENDING, INDEX_NAME, tile_name},
-    writer::{CloudBody, CloudWriter, CompleteCloud, Completion},
+    writer::CompleteCloud,
 };
 use crate::{
-    geometry::{Rect, Stored},
+    geometry::Stored,
     las::{error::LasError, format::crs::Crs},
 };
 
 /// The bytes of records that are passed to the writer of a tile at a time.
 const TILE_BATCH_BYTES: usize = 4 << 20;
 
-/// The points of a directory of tiles.
-struct TilesBody {
-    /// The final path of the directory, whose name is that of the cloud.
-    path: PathBuf,
-    /// The preliminary path of the directory.
-    directory: PathBuf,
-    format: TileFormat,
-    header: CloudHeader,
-    workspace: Workspace,
-    sorter: Box<dyn RecordSorter>,
-    /// The largest value of a colour so far.
-    brightest: u16,
-}
-
-/// Begins a directory of tiles at `path`.
+/// Writes the points of `sorted` as a directory of tiles that is to become `path`. `progress` gets the numbers of points that
+/// are written.
 ///
 /// # Errors
 ///
-/// If no directory can be made there, or no file in the `workspace`.
-pub(super) fn create_tiles(
+/// If no directory can be made there, or temporary files cannot be read.
+pub(super) fn write_tiles(
     path: &Path,
     format: TileFormat,
     header: &CloudHeader,
-    workspace: &Workspace,
-) -> Result<CloudWriter, LasError> {
+    workspace: &Workspace<'_>,
+    sorted: &dyn SortedRecords,
+    progress: &dyn Fn(u64),
+) -> Result<CompleteCloud, LasError> {
     let part = PartFile::create_directory(path)?;
-    let body = TilesBody {
-        path: path.to_owned(),
-        directory: part.part().to_owned(),
+    let name = path.file_name().map(|name| name.to_string_lossy());
+    let tiles = Tiles {
+        directory: part.part(),
         format,
-        header: header.clone(),
-        workspace: workspace.clone(),
-        sorter: workspace.begin_sorting(header, path)?,
-        brightest: 0,
+        pcd: (format == TileFormat::Pcd)
+            .then(|| PcdCloud::new(header, workspace, &sorted.bounds())),
+        ordered: OrderedRecords::new(sorted, header.record.record_length(), workspace.sort_bytes),
+        name: &name.unwrap_or_default(),
+        header,
+        squares: Squares::new(workspace.tile_edge, &header.quantization),
     };
-    let record_length = header.record.record_length();
-    CloudWriter::new(part, SinkMonitor::default(), Box::new(body), record_length)
-}
-
-impl CloudBody for TilesBody {
-    fn write(&mut self, records: &[u8]) -> Result<(), LasError> {
-        if self.format == TileFormat::Pcd {
-            self.brightest = self.brightest.max(brightness(records, &self.header.record));
-        }
-        self.sorter
-            .push(records)
-            .map_err(|e| LasError::unwritable(&self.path, e))
-    }
-
-    fn complete(
-        self: Box<Self>,
-        _points: u64,
-        _seen: Option<&Rect>,
-        progress: &dyn Fn(u64),
-    ) -> Result<Completion, LasError> {
-        let Self {
-            path,
-            directory,
-            format,
-            header,
-            workspace,
-            sorter,
-            brightest,
-        } = *self;
-        let sorted = sorter.finish();
-        let sorted = sorted.map_err(|e| LasError::unwritable(&path, e))?;
-        let name = path.file_name().map(|name| name.to_string_lossy());
-        let pcd = (format == TileFormat::Pcd).then(|| {
-            let length = header.record.record_length();
-            let ordered = OrderedRecords::new(&*sorted, length, workspace.sort_bytes);
-            let pcd = PcdCloud::new(&header, &workspace, &sorted.bounds(), brightest);
-            (pcd, ordered)
-        });
-        let tiles = Tiles {
-            directory: &directory,
-            format,
-            pcd,
-            name: &name.unwrap_or_default(),
-            header: &header,
-            squares: Squares::new(workspace.tile_edge, &header.quantization),
-        };
-        let bytes = tiles.write(&*sorted, progress)?;
-        sorted.remove();
-        Ok(Completion::Directory(bytes))
-    }
+    let bytes = tiles.write(sorted, progress)?;
+    Ok(CompleteCloud::of_directory(part, sorted.points(), bytes))
 }
 
 /// The tiles of a cloud.
@@ -122,8 +63,10 @@ struct Tiles<'a> {
     /// The name of the cloud, with which the names of the tiles begin.
     name: &'a str,
     format: TileFormat,
-    /// What PCD tiles have in common, and the records in their order.
-    pcd: Option<(PcdCloud, OrderedRecords<'a>)>,
+    /// What PCD tiles have in common, if the tiles are some.
+    pcd: Option<PcdCloud>,
+    /// The records in an order that depends on nothing else.
+    ordered: OrderedRecords<'a>,
     header: &'a CloudHeader,
     squares: Squares,
 }
@@ -137,7 +80,7 @@ impl Tiles<'_> {
         for square in self.squares.occupied(sorted) {
             let corner = self.squares.corner(square);
             let file = tile_name(self.name, corner, self.format);
-            let (cloud, bounds) = self.write_tile(&self.directory.join(&file), square, sorted)?;
+            let (cloud, bounds) = self.write_tile(&self.directory.join(&file), square)?;
             if cloud.points() == 0 {
                 // The square shares a counting square with its neighbours' points only.
                 continue;
@@ -168,7 +111,7 @@ impl Tiles<'_> {
             let catalogue = tile_catalogue(self.header, &catalogued);
             bytes += self.write_text(&format!("{}{CATALOGUE_ENDING}", self.name), &catalogue)?;
         }
-        if let Some((pcd, _)) = &self.pcd {
+        if let Some(pcd) = &self.pcd {
             bytes +=
                 write_driving_index(self.directory, self.squares.edge(), pcd.origin, &corners)?;
         }
@@ -181,36 +124,29 @@ impl Tiles<'_> {
         &self,
         path: &Path,
         square: [i64; 2],
-        sorted: &dyn SortedRecords,
     ) -> Result<(CompleteCloud, [[i32; 3]; 2]), LasError> {
+        let rect = self.squares.rect(square);
         let mut bounds = [[i32::MAX; 3], [i32::MIN; 3]];
-        if let Some((pcd, ordered)) = &self.pcd {
-            let cloud =
-                pcd.write_file(path, ordered, &self.squares.rect(square), &mut |record| {
-                    extend(&mut bounds, Stored::of_record(record));
-                })?;
+        if let Some(pcd) = &self.pcd {
+            let cloud = pcd.write_file(path, &self.ordered, &rect, &mut |record| {
+                extend(&mut bounds, Stored::of_record(record));
+            })?;
             return Ok((cloud, bounds));
         }
         let mut writer = create_las(path, self.header, PointEncoding::Laz)?;
         let mut waiting = Vec::new();
-        let mut failure = None;
-        let visited = sorted.visit(&self.squares.rect(square), &mut |record| {
-            if failure.is_some() {
-                return;
-            }
+        let visited = self.ordered.visit(&rect, &mut |record| {
             extend(&mut bounds, Stored::of_record(record));
             waiting.extend_from_slice(record);
             if waiting.len() >= TILE_BATCH_BYTES {
-                failure = writer.write(&waiting).err();
+                writer.write(&waiting)?;
                 waiting.clear();
             }
+            Ok(())
         });
         visited.map_err(|e| LasError::unwritable(path, e))?;
-        if let Some(error) = failure {
-            return Err(error);
-        }
         writer.write(&waiting)?;
-        Ok((writer.complete(None, &|_| {})?, bounds))
+        Ok((writer.complete()?, bounds))
     }
 
     /// The world coordinates of `bounds`.

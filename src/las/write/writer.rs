@@ -8,7 +8,7 @@ use std::{
 };
 
 use super::{cloud_levels::CloudLevels, part_file::PartFile, sink::SinkMonitor};
-use crate::{geometry::Rect, las::error::LasError};
+use crate::las::error::LasError;
 
 /// The body of a cloud: what turns records into the bytes of a format.
 pub(super) trait CloudBody {
@@ -19,29 +19,17 @@ pub(super) trait CloudBody {
     /// If they cannot be written.
     fn write(&mut self, records: &[u8]) -> Result<(), LasError>;
 
-    /// Writes everything that follows the `points` points of the cloud. If the cloud has levels, those of the points in
-    /// `seen` are returned. `progress` gets the numbers of points that are sorted meanwhile.
+    /// Writes everything that follows the `points` points of the cloud. Returns the bytes of the header that were not known
+    /// before.
     ///
     /// # Errors
     ///
     /// If the body cannot be completed.
-    fn complete(
-        self: Box<Self>,
-        points: u64,
-        seen: Option<&Rect>,
-        progress: &dyn Fn(u64),
-    ) -> Result<Completion, LasError>;
+    fn complete(self: Box<Self>, points: u64) -> Result<Amendments, LasError>;
 }
 
-/// What is left to do for a body that is complete.
-pub(super) enum Completion {
-    /// These bytes of the header, which were not known before, are overwritten: the offset of
-    /// the first one in the file, and the bytes. The cloud may have levels.
-    File(Vec<(u64, Vec<u8>)>, Option<CloudLevels>),
-    /// Nothing is left to do: the files in the directory are complete, and have this many bytes
-    /// together.
-    Directory(u64),
-}
+/// Bytes of a file that are overwritten when it is complete, with the offset of the first one.
+pub(super) type Amendments = Vec<(u64, Vec<u8>)>;
 
 /// A cloud that is being written under a preliminary name; nothing is left of it if it is
 /// dropped.
@@ -89,47 +77,12 @@ impl CloudWriter {
         check(&self.monitor, self.part.path())
     }
 
-    /// The number of points written so far.
-    pub(crate) fn points(&self) -> u64 {
-        self.points
-    }
-
-    /// Passes records through another body, which `wrap` makes of the present one.
-    ///
-    /// # Errors
-    ///
-    /// That of `wrap`.
-    pub(super) fn wrapped(
-        self,
-        wrap: impl FnOnce(Box<dyn CloudBody>) -> Result<Box<dyn CloudBody>, LasError>,
-    ) -> Result<Self, LasError> {
-        let Self {
-            monitor,
-            body,
-            part,
-            record_length,
-            points,
-        } = self;
-        Ok(Self {
-            monitor,
-            body: wrap(body)?,
-            part,
-            record_length,
-            points,
-        })
-    }
-
-    /// Completes the cloud under its preliminary name. If it has levels, those of the points in `seen` are returned with it.
-    /// `progress` gets the numbers of points that are sorted meanwhile, if the format needs it.
+    /// Completes the cloud under its preliminary name.
     ///
     /// # Errors
     ///
     /// If the cloud cannot be completed; nothing is left of it then.
-    pub(crate) fn complete(
-        self,
-        seen: Option<&Rect>,
-        progress: &dyn Fn(u64),
-    ) -> Result<CompleteCloud, LasError> {
+    pub(crate) fn complete(self) -> Result<CompleteCloud, LasError> {
         let Self {
             part,
             body,
@@ -137,21 +90,9 @@ impl CloudWriter {
             points,
             ..
         } = self;
-        let (bytes, levels) = match body.complete(points, seen, progress)? {
-            Completion::Directory(bytes) => (bytes, None),
-            Completion::File(amendments, levels) => {
-                check(&monitor, part.path())?;
-                let bytes = amend(part.part(), amendments);
-                let bytes = bytes.map_err(|e| LasError::unwritable(part.path(), e))?;
-                (bytes, levels)
-            }
-        };
-        Ok(CompleteCloud {
-            part,
-            points,
-            bytes,
-            levels,
-        })
+        let amendments = body.complete(points)?;
+        check(&monitor, part.path())?;
+        CompleteCloud::of_file(part, points, amendments)
     }
 }
 
@@ -167,7 +108,7 @@ fn check(monitor: &SinkMonitor, path: &Path) -> Result<(), LasError> {
 }
 
 /// Overwrites bytes of the file at `path`, flushes it to the disk and returns its length.
-fn amend(path: &Path, amendments: Vec<(u64, Vec<u8>)>) -> io::Result<u64> {
+fn amend(path: &Path, amendments: Amendments) -> io::Result<u64> {
     let mut file = File::options().write(true).open(path)?;
     for (offset, bytes) in amendments {
         file.seek(SeekFrom::Start(offset))?;
@@ -195,7 +136,7 @@ impl CompleteCloud {
     pub(super) fn of_file(
         part: PartFile,
         points: u64,
-        amendments: Vec<(u64, Vec<u8>)>,
+        amendments: Amendments,
     ) -> Result<Self, LasError> {
         let bytes =
             amend(part.part(), amendments).map_err(|e| LasError::unwritable(part.path(), e))?;
@@ -205,6 +146,24 @@ impl CompleteCloud {
             bytes,
             levels: None,
         })
+    }
+
+    /// A cloud of `points` points in the directory `part`, whose files have so many `bytes` together.
+    pub(super) fn of_directory(part: PartFile, points: u64, bytes: u64) -> Self {
+        Self {
+            part,
+            points,
+            bytes,
+            levels: None,
+        }
+    }
+
+    /// The cloud with these `levels`.
+    pub(super) fn with_levels(self, levels: CloudLevels) -> Self {
+        Self {
+            levels: Some(levels),
+            ..self
+        }
     }
 
     /// The preliminary path of the cloud.

@@ -1,0 +1,249 @@
+//! The stitch by many: its work in pieces, which the processes that share a job divide among themselves.
+//!
+//! ```text
+//!   settled    each tile, settled                           elected, figures   levels of an octree
+//!   sorted     its records, sorted by position              columns            columns of its nodes, compressed
+//!   measured   the distances between its points
+//! ```
+//!
+//! Each work begins when the one before is complete. One process, which works like the others, puts together what all have made,
+//! and writes the report.
+
+use std::{path::Path, sync::Arc, sync::atomic::AtomicBool};
+
+use super::{
+    claims::{AttemptState, Claim, WorkKind},
+    group_files::{TILES, block_files},
+    handover::Handover,
+    worker::Worker,
+};
+use crate::{
+    job::{
+        context::RunContext,
+        directory::SolvedTiles,
+        error::JobError,
+        progress::Progress,
+        stages::{
+            density::spacing_rules,
+            output::help_with_output,
+            scan_groups::open_spill,
+            stitchers::{ReadTile, SORTED, Sorting, Stitchers, sort_in},
+            tile_solver::TileSolver,
+        },
+    },
+    las::{KeptPieces, MakePiece, SortedRecords, SortingSpace, StoreError, TakePiece, Workforce},
+    tile::{BlockFile, KeptBlocks, Spill, SpillSpace, TileError, add_piece},
+};
+
+/// The number of groups in which the pieces of a work are claimed, at most.
+const MOST_GROUPS: usize = 64;
+
+/// The processes that stitch a job together, as one of them sees them.
+pub(crate) struct SharedStitch<'a> {
+    pub(crate) worker: Worker,
+    /// The job directory.
+    pub(crate) dir: &'a Path,
+    pub(crate) cancel: &'a AtomicBool,
+    /// Whether this process puts together what all have made.
+    pub(crate) completes: bool,
+}
+
+/// Consecutive numbers, divided into groups.
+#[derive(Clone, Copy, Debug)]
+struct Groups {
+    count: usize,
+    per_group: usize,
+}
+
+impl Groups {
+    fn of(count: usize) -> Self {
+        Self {
+            count,
+            per_group: count.div_ceil(MOST_GROUPS).max(1),
+        }
+    }
+
+    fn len(self) -> usize {
+        self.count.div_ceil(self.per_group)
+    }
+
+    fn members(self, group: usize) -> std::ops::Range<usize> {
+        let first = group * self.per_group;
+        first..(first + self.per_group).min(self.count)
+    }
+}
+
+impl SharedStitch<'_> {
+    /// Does the groups of a work that no other process does. Waits until all are done, if anything is made of them.
+    fn share(
+        &self,
+        kind: &WorkKind,
+        groups: Groups,
+        is_awaited: bool,
+        mut make: impl FnMut(&Claim) -> Result<(), JobError>,
+    ) -> Result<(), JobError> {
+        let worker = Worker {
+            waits_for_others: is_awaited,
+            ..self.worker
+        };
+        let count = groups.len();
+        let given_up = worker.share(kind, self.dir, count, self.cancel, |claim, _| {
+            make(claim).map(|()| true)
+        })?;
+        match given_up.as_slice() {
+            [] => Ok(()),
+            _ => Err(JobError::Refused(format!(
+                "stitch: {} processes died over parts {given_up:?} of its work `{}`, or their machines did; give \
+                 --attempts {} to try them again",
+                worker.retry_limit,
+                kind.prefix,
+                worker.retry_limit + 1
+            ))),
+        }
+    }
+
+    /// Makes the pieces of a work that no other process makes; returns how its files are named and divided.
+    fn make_pieces(
+        &self,
+        name: &str,
+        count: usize,
+        is_awaited: bool,
+        make: &mut MakePiece<'_>,
+    ) -> Result<(WorkKind, Groups), JobError> {
+        let kind = WorkKind {
+            // Processes that divide the work differently have different files.
+            prefix: format!("{name}-{count}").into(),
+            claim_extension: "pieces",
+            complete_extension: "complete",
+        };
+        let groups = Groups::of(count);
+        self.share(&kind, groups, is_awaited, |claim| {
+            let mut file = BlockFile::create(&claim.path())?;
+            for piece in groups.members(claim.group) {
+                let made = make(piece).map_err(JobError::of_store)?;
+                add_piece(&mut file, piece, &made)?;
+            }
+            file.flush()?;
+            claim.complete()
+        })?;
+        Ok((kind, groups))
+    }
+
+    /// The complete claim of each group.
+    fn complete_claims(&self, kind: &WorkKind, groups: Groups) -> Result<Vec<Claim>, JobError> {
+        let mut complete = Claim::all(kind, self.dir)?;
+        complete.retain(|claim| claim.state == AttemptState::Complete);
+        complete.dedup_by_key(|claim| claim.group);
+        match complete.len() == groups.len() {
+            true => Ok(complete),
+            false => Err(JobError::Tile(TileError::damaged(self.dir))),
+        }
+    }
+
+    fn pieces(&self, kind: &WorkKind, groups: Groups) -> Result<KeptBlocks, JobError> {
+        let claims = self.complete_claims(kind, groups)?;
+        let files = claims
+            .iter()
+            .map(|claim| BlockFile::open_for_reading(&claim.path()));
+        let files = files.collect::<Result<_, TileError>>()?;
+        Ok(KeptBlocks::of_many_processes(files, groups.per_group))
+    }
+}
+
+impl Workforce for SharedStitch<'_> {
+    fn is_shared(&self) -> bool {
+        true
+    }
+
+    fn keep(
+        &self,
+        name: &str,
+        count: usize,
+        make: &mut MakePiece<'_>,
+    ) -> Result<Box<dyn KeptPieces>, StoreError> {
+        let (kind, groups) = self.make_pieces(name, count, true, make)?;
+        Ok(Box::new(self.pieces(&kind, groups)?))
+    }
+
+    fn pass(
+        &self,
+        name: &str,
+        count: usize,
+        make: &mut MakePiece<'_>,
+        take: &mut TakePiece<'_>,
+    ) -> Result<(), StoreError> {
+        let (kind, groups) = self.make_pieces(name, count, self.completes, make)?;
+        if !self.completes {
+            return Ok(());
+        }
+        let pieces = self.pieces(&kind, groups)?;
+        (0..count).try_for_each(|piece| take(piece, pieces.piece(piece)?))
+    }
+}
+
+impl Stitchers for SharedStitch<'_> {
+    fn workforce(&self) -> &dyn Workforce {
+        self
+    }
+
+    fn space(&self, buffer_bytes: usize) -> Arc<dyn SortingSpace> {
+        Arc::new(SpillSpace {
+            directory: self.dir.to_owned(),
+            buffer_bytes,
+        })
+    }
+
+    fn sort(
+        &self,
+        sorting: &Sorting,
+        tiles: usize,
+        read: &mut ReadTile<'_>,
+    ) -> Result<Box<dyn SortedRecords>, JobError> {
+        let kind = WorkKind {
+            prefix: SORTED.into(),
+            claim_extension: "bin",
+            complete_extension: "index",
+        };
+        let (space, groups) = (self.space(sorting.buffer_bytes), Groups::of(tiles));
+        self.share(&kind, groups, true, |claim| {
+            let name = claim.stem.file_name().unwrap_or_default();
+            let tiles = groups.members(claim.group);
+            sort_in(&*space, &name.to_string_lossy(), sorting, tiles, read).map(drop)
+        })?;
+        let claims = self.complete_claims(&kind, groups)?;
+        let stems: Vec<_> = claims.into_iter().map(|claim| claim.stem).collect();
+        Ok(Box::new(Spill::join(&stems)?))
+    }
+}
+
+impl Worker {
+    /// Does parts of the stitch of the job in `dir`, whose tiles are solved, until there are none left; another process completes
+    /// the cloud.
+    ///
+    /// # Errors
+    ///
+    /// See [`JobError`].
+    pub(crate) fn help_to_stitch(
+        &self,
+        dir: &Path,
+        progress: &dyn Progress,
+        cancel: &AtomicBool,
+    ) -> Result<(), JobError> {
+        let Handover { job, record, plan } = Handover::read(dir)?;
+        let format = job.format()?;
+        let mut spill = open_spill(dir)?;
+        spill.set_rules(spacing_rules(&job.settings, &record, &plan.quantization)?);
+        let solver = TileSolver::new(spill, plan, &record, &job.settings);
+        RunContext::with(&job, self.threads, progress, cancel, |run| {
+            let solved = SolvedTiles::of(block_files(&TILES, dir)?);
+            let shared = SharedStitch {
+                worker: *self,
+                dir,
+                cancel,
+                completes: false,
+            };
+            let help = || help_with_output(run, &solver, &solved, format, &shared);
+            run.pool.install(help)
+        })
+    }
+}

@@ -1,0 +1,191 @@
+//! The cloud of a job on its way to its file.
+
+use super::{
+    planned_job::PlannedJob,
+    provenance::provenance,
+    stitchers::{SORTED, Sorting, Stitchers},
+};
+use crate::{
+    geometry::Rect,
+    job::{
+        context::RunContext,
+        error::JobError,
+        progress::{Progress, Unit},
+        resources::Budget,
+    },
+    las::{
+        CloudHeader, CloudWriter, CompleteCloud, Format, RecordSorter, SortedRecords, Workforce,
+        Workspace, write_sorted,
+    },
+    tile::OneProcess,
+};
+
+/// The cloud of a job, before anything of it is written.
+pub(super) struct CloudOutput<'a> {
+    run: &'a RunContext<'a>,
+    format: Format,
+    header: CloudHeader,
+    spacing: f64,
+    /// The memory that the plan was made for: processes that share a job divide its work alike.
+    planned_memory: u64,
+    /// The process that writes the cloud.
+    alone: &'a OneProcess,
+}
+
+/// A cloud that is being written, from records in their order.
+pub(super) enum OrderedCloud {
+    /// The format keeps the order.
+    Written(CloudWriter),
+    /// The points are to be sorted.
+    Sorted(Box<dyn RecordSorter>),
+}
+
+impl<'a> CloudOutput<'a> {
+    /// The cloud of a planned job in this `format`, which this process writes `alone` or with the help of others.
+    pub(super) fn new(
+        run: &'a RunContext<'a>,
+        planned: &PlannedJob,
+        format: Format,
+        alone: &'a OneProcess,
+    ) -> Self {
+        let (survey, solver) = (&planned.survey, &planned.solver);
+        Self {
+            run,
+            format,
+            header: CloudHeader {
+                record: solver.transfer.record().clone(),
+                quantization: solver.plan.quantization,
+                crs: survey.crs.clone(),
+                carried_records: survey.carried_records(),
+                has_standard_time: survey.has_standard_time,
+                provenance: provenance(&run.job.settings, planned),
+            },
+            spacing: solver.options.spacing,
+            planned_memory: solver.plan.budget,
+            alone,
+        }
+    }
+
+    /// Begins the cloud from records in their order.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError`] if no file can be made.
+    pub(super) fn begin(&self) -> Result<OrderedCloud, JobError> {
+        if !self.run.job.is_sorted() {
+            let writer = CloudWriter::create(&self.run.job.output, self.format, &self.header)?;
+            return Ok(OrderedCloud::Written(writer));
+        }
+        let Sorting {
+            grid,
+            record_length,
+            buffer_bytes,
+        } = self.sorting();
+        let space = self.alone.space(buffer_bytes);
+        let sorter = space.begin(SORTED, grid, record_length);
+        Ok(OrderedCloud::Sorted(sorter.map_err(JobError::of_store)?))
+    }
+
+    /// How the points are sorted by position.
+    pub(super) fn sorting(&self) -> Sorting {
+        let length = self.header.record.record_length();
+        let buffers = self.run.budget.buffers();
+        Sorting::new(self.spacing, &self.header.quantization, length, buffers)
+    }
+
+    /// Completes the file of `cloud`, whose colours reach `brightest`. If it has levels, those of the points in `seen` are returned
+    /// with it.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError`] if it cannot be written.
+    pub(super) fn complete(
+        &self,
+        cloud: OrderedCloud,
+        brightest: u16,
+        seen: Option<&Rect>,
+    ) -> Result<CompleteCloud, JobError> {
+        match cloud {
+            OrderedCloud::Written(writer) => Ok(writer.complete()?),
+            OrderedCloud::Sorted(sorter) => {
+                let sorted = sorter.finish().map_err(JobError::of_store)?;
+                self.write_sorted(sorted, brightest, seen, self.alone)
+            }
+        }
+    }
+
+    /// Writes the cloud of `sorted` points, and reports the stage.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError`] if it cannot be written.
+    pub(super) fn write_sorted(
+        &self,
+        sorted: Box<dyn SortedRecords>,
+        brightest: u16,
+        seen: Option<&Rect>,
+        workforce: &dyn Workforce,
+    ) -> Result<CompleteCloud, JobError> {
+        let run = self.run;
+        run.progress.begin("sort", sorted.points(), 0, Unit::Points);
+        let workspace = Workspace {
+            brightest,
+            ..workspace(
+                run,
+                self.spacing,
+                self.planned_memory,
+                self.alone,
+                workforce,
+            )
+        };
+        let path = &run.job.output;
+        let advance = |points| run.progress.advance(points);
+        let (format, header) = (self.format, &self.header);
+        let complete = write_sorted(path, format, header, &workspace, &*sorted, seen, &advance);
+        // Whatever the writer says of it: the user has stopped it.
+        run.check_cancelled()?;
+        let complete = complete?;
+        sorted.remove();
+        run.progress.end();
+        run.clock.end_stage("sort");
+        Ok(complete)
+    }
+}
+
+impl OrderedCloud {
+    /// Appends records.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError`] if they cannot be written.
+    pub(super) fn write(&mut self, records: &[u8]) -> Result<(), JobError> {
+        match self {
+            Self::Written(writer) => Ok(writer.write(records)?),
+            Self::Sorted(sorter) => sorter.push(records).map_err(JobError::of_store),
+        }
+    }
+}
+
+/// What a cloud with this `spacing` (CRS units) is written with, in a job that was planned for so many bytes of memory.
+pub(super) fn workspace<'a>(
+    run: &RunContext<'_>,
+    spacing: f64,
+    planned_memory: u64,
+    stitchers: &dyn Stitchers,
+    workforce: &'a dyn Workforce,
+) -> Workspace<'a> {
+    let job = run.job;
+    let budget = match workforce.is_shared() {
+        true => Budget::new(Some(planned_memory), run.budget.threads),
+        false => run.budget,
+    };
+    Workspace {
+        spacing,
+        tile_edge: job.settings.output_tiles.unwrap_or(0.0),
+        pcd: job.settings.pcd,
+        brightest: 0,
+        sorting: stitchers.space(run.budget.buffers()),
+        workforce,
+        sort_bytes: budget.tile() as usize / 2,
+    }
+}
