@@ -84,6 +84,38 @@ fn whoever_dies_the_cloud_is_that_of_one_process() {
 }
 
 #[test]
+fn a_stitch_is_shared_and_one_of_those_who_stitch_dies() {
+    let dir = tempfile::tempdir().unwrap();
+    let (many, job, expected) = scattered(dir.path());
+    well(&["solve", text(&job), "--quiet"]);
+    let stitch = |more: &[&'static str]| {
+        let begin = ["stitch", text(&job), "--threads", "1", "--patience", "15"];
+        start(&[&begin[..], more].concat())
+    };
+    let pieces = || {
+        let names = fs::read_dir(&job).unwrap().flatten();
+        let mut names = names.map(|entry| entry.file_name().into_string().unwrap());
+        names.any(|name| name.starts_with("settled-") && name.ends_with(".pieces"))
+    };
+    let mut dies = stitch(&["--shard", "0/2"]);
+    while !pieces() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    dies.kill().unwrap();
+    dies.wait().unwrap();
+    // Another one has claimed a part of the sorting, and has died long ago.
+    fs::write(job.join("sorted-0-0.bin"), "not all of it").unwrap();
+    let mut helps = stitch(&["--shard", "1/2"]);
+    let mut completes = stitch(&[]);
+    for process in [&mut completes, &mut helps] {
+        let ended = process.wait().unwrap();
+        assert!(ended.success(), "{ended}");
+    }
+    assert!(fs::read(&many).unwrap() == expected, "not the same bytes");
+    assert!(!job.exists());
+}
+
+#[test]
 fn a_mesh_by_many_is_that_of_one_process() {
     let dir = tempfile::tempdir().unwrap();
     let scans = street(dir.path());
@@ -381,7 +413,8 @@ fn what_is_submitted_does_the_job_whatever_the_names() {
     scatter.extend(OPTIONS);
     well(&scatter);
     let job = dir.path().join("again.laz.job");
-    let recipe = "seq 0 2 | xargs -P 3 -I{} \"$0\" solve \"$1\" --shard {}/3 --quiet && \"$0\" stitch \"$1\" --quiet";
+    let recipe = "seq 0 2 | xargs -P 3 -I{} \"$0\" solve \"$1\" --shard {}/3 --quiet && \
+                  seq 0 2 | xargs -P 3 -I{} \"$0\" stitch \"$1\" --shard {}/3 --quiet && \"$0\" stitch \"$1\" --quiet";
     let done = Command::new("sh")
         .args(["-c", recipe, PROGRAM, text(&job)])
         .env("SOURCE_DATE_EPOCH", "1700000000")

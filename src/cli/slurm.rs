@@ -1,7 +1,7 @@
 //! `slurm`: one job by many processes, submitted to Slurm.
 //!
 //! ```text
-//!   scatter (array) ─► plan ─► solve (array) ─► again (array, if a task failed) ─► stitch
+//!   scatter (array) ─► plan ─► solve (array) ─► again (array, if a task failed) ─► stitch (array) ─► complete
 //!                        └───► limit (time of the tasks that solve)
 //! ```
 
@@ -177,9 +177,11 @@ impl<'a> Submission<'a> {
              limit=$({limit})\n\
              # Again: solve with twice the memory, if a task has failed.\n\
              again=$({again})\n\
-             # Stitch: solve the tiles that are left, and write the cloud.\n\
+             # Stitch: solve the tiles that are left, and stitch by all tasks.\n\
              stitch=$({stitch})\n\
-             echo \"scatter $scatter, plan $plan, solve $solve (again: $again), stitch $stitch\"\n\
+             # Complete: put the cloud together, and write the report.\n\
+             complete=$({complete})\n\
+             echo \"scatter $scatter, plan $plan, solve $solve (again: $again), stitch $stitch, complete $complete\"\n\
              echo {status}\n",
             logs = quoted(&self.logs.display().to_string()),
             scatter = self.sbatch(&self.scatter_array()),
@@ -191,6 +193,7 @@ impl<'a> Submission<'a> {
                 "afterok:$plan,afternotok:$solve"
             )),
             stitch = self.sbatch(&self.stitch()),
+            complete = self.sbatch(&self.complete()),
             status = quoted(&format!("lloydar status {} prints the progress", self.job)),
         )
     }
@@ -251,10 +254,24 @@ impl<'a> Submission<'a> {
 
     fn stitch(&self) -> Task {
         let (program, job, cpus) = (&self.program, &self.job, self.slurm.cpus);
+        let dependency = "--dependency=afterok:$plan,afterany:$solve:$again";
         Task {
             stage: "stitch",
             mebibytes: 2 * self.mebibytes,
-            options: "--dependency=afterok:$plan,afterany:$solve:$again".to_owned(),
+            options: format!("{} {dependency}", self.array()),
+            command: format!(
+                "exec {program} stitch {job} --threads {cpus} {}",
+                self.shard()
+            ),
+        }
+    }
+
+    fn complete(&self) -> Task {
+        let (program, job, cpus) = (&self.program, &self.job, self.slurm.cpus);
+        Task {
+            stage: "complete",
+            mebibytes: 2 * self.mebibytes,
+            options: "--dependency=afterok:$plan,afterany:$stitch".to_owned(),
             command: format!(
                 "exec {program} stitch {job} --threads {cpus} ${{TMPDIR:+--scratch \"$TMPDIR\"}}"
             ),

@@ -229,6 +229,24 @@ impl Worker {
         progress: &dyn Progress,
         cancel: &AtomicBool,
     ) -> Result<(), JobError> {
+        let helped = self.help_with_pieces(dir, progress, cancel);
+        match helped {
+            // Who completes the cloud removes the job without waiting for those that help.
+            Err(JobError::Io { .. } | JobError::Tile(TileError::Io { .. }))
+                if !Handover::exists_in(dir) =>
+            {
+                Ok(())
+            }
+            helped => helped,
+        }
+    }
+
+    fn help_with_pieces(
+        &self,
+        dir: &Path,
+        progress: &dyn Progress,
+        cancel: &AtomicBool,
+    ) -> Result<(), JobError> {
         let Handover { job, record, plan } = Handover::read(dir)?;
         let format = job.format()?;
         let mut spill = open_spill(dir)?;

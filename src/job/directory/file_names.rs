@@ -97,7 +97,7 @@ mod tests {
             "job-12-34.json",
             "spill-3-0.index",
             "starts-3-0.started",
-            "elected3-64-7-0.pieces",
+            "elected-3-64-7-0.pieces",
             "sorted-3-0.bin",
             "settled.pieces",
             "tiles.solved",

@@ -112,7 +112,7 @@ mod tests {
         let scratch = choose(Some(disk.path()), 1).unwrap();
         let path = scratch.path().to_owned();
         assert!(path.starts_with(disk.path()) && path != disk.path());
-        fs::write(path.join("octree.bin"), "points").unwrap();
+        fs::write(path.join("sorted.bin"), "points").unwrap();
         drop(scratch);
         assert!(!path.exists() && job.path().exists());
         let gone = choose(Some(&disk.path().join("gone")), 1);

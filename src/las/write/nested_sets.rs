@@ -146,7 +146,7 @@ impl<'a> NestedSets<'a> {
             .iter()
             .enumerate()
             .map(|(number, (set, radius))| {
-                let name = format!("figures{number}");
+                let name = format!("figures-{number}");
                 nearest_figures(set, *radius, &|found, _| Ok(found), &name, workspace)
             });
         figures.collect()

@@ -74,7 +74,7 @@ impl PointSet<'_> {
             let candidates = self.read(&election.around(everything))?;
             return Ok(PointSet::Memory(election.elect(candidates, everything)));
         }
-        let name = format!("elected{number}");
+        let name = format!("elected-{number}");
         let pieces = workspace.workforce.keep(&name, parts.len(), &mut |piece| {
             let part = &parts[piece];
             let candidates = self.read(&election.around(part))?;
