@@ -65,12 +65,8 @@ pub(super) fn complete_job(
     run.clock.end_stage("solve");
 
     // Stitch the tiles and write the cloud and its mesh, aside.
-    let shared = shared.map(|&worker| SharedStitch {
-        worker,
-        dir: planned.directory.path(),
-        cancel: run.cancel,
-        completes: true,
-    });
+    let dir = planned.directory.path();
+    let shared = shared.map(|&worker| SharedStitch::new(worker, dir, run.cancel, true));
     let shared = shared.as_ref().map(|shared| shared as &dyn Stitchers);
     let complete = || complete_output(run, &planned, &solved, format, tiles, shared);
     let (outcome, output) = run.pool.install(complete)?;

@@ -53,8 +53,7 @@ pub(crate) use write::mesh::{
 pub(crate) use write::{
     cloud::{CloudHeader, Workspace},
     cloud_levels::CloudLevels,
-    copc::help_write_copc,
-    create::write_sorted,
+    create::{help_write_sorted, write_sorted},
     nearest_figures::NearestFigures,
     output_format::Format,
     pcd_fields::brightness,

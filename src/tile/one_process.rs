@@ -1,6 +1,6 @@
 //! Work in pieces by one process, which keeps them in one file.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::{
     block_file::BlockFile,
@@ -16,8 +16,8 @@ pub(crate) struct OneProcess {
 }
 
 impl Workforce for OneProcess {
-    fn is_shared(&self) -> bool {
-        false
+    fn shared_directory(&self) -> Option<&Path> {
+        None
     }
 
     fn keep(

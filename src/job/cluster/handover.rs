@@ -17,12 +17,13 @@ use crate::{
         error::JobError,
         progress::Progress,
         stages::{
+            cloud_header::cloud_header,
             plan::JobPlan,
             preparation::{join_scatter, prepare},
             scatter::SpillReaders,
         },
     },
-    las::RecordFormat,
+    las::{CloudHeader, RecordFormat},
     store::{has_secret, is_remote, without_secrets},
     tile::{read_checksummed, write_checksummed},
 };
@@ -34,6 +35,8 @@ pub(super) struct Handover {
     pub(super) job: JobDescription,
     /// The format of the scattered records.
     pub(super) record: RecordFormat,
+    /// What the header of the output says.
+    pub(super) header: CloudHeader,
     /// The plan of the tiles.
     pub(super) plan: JobPlan,
 }
@@ -118,11 +121,17 @@ impl JobDescription {
         })?;
         planned
             .map(|planned| {
+                let header = cloud_header(&planned, &job.settings);
                 let (record, plan) = (planned.survey.record, planned.solver.plan);
                 // The budget is fixed, whatever machine stitches the tiles: another budget would give
                 // another plan, and other tiles.
                 job.settings.resources.memory = Some(plan.budget);
-                let handover = Handover { job, record, plan };
+                let handover = Handover {
+                    job,
+                    record,
+                    header,
+                    plan,
+                };
                 handover.write().map(|()| handover.plan)
             })
             .transpose()

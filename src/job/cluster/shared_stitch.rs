@@ -3,13 +3,17 @@
 //! ```text
 //!   settled    each tile, settled                           elected, figures   levels of an octree
 //!   sorted     its records, sorted by position              columns            columns of its nodes, compressed
-//!   measured   the distances between its points
+//!   measured   the distances between its points           written            tiles of the output
 //! ```
 //!
 //! Each work begins when the one before is complete. One process, which works like the others, puts together what all have made,
 //! and writes the report.
 
-use std::{path::Path, sync::Arc, sync::atomic::AtomicBool};
+use std::{
+    path::{Path, PathBuf},
+    sync::{Arc, atomic::AtomicBool},
+    time::UNIX_EPOCH,
+};
 
 use super::{
     claims::{AttemptState, Claim, WorkKind},
@@ -20,7 +24,7 @@ use super::{
 use crate::{
     job::{
         context::RunContext,
-        directory::SolvedTiles,
+        directory::{SolvedTiles, WRITTEN_DIRECTORY},
         error::JobError,
         progress::Progress,
         stages::{
@@ -40,12 +44,14 @@ const MOST_GROUPS: usize = 64;
 
 /// The processes that stitch a job together, as one of them sees them.
 pub(crate) struct SharedStitch<'a> {
-    pub(crate) worker: Worker,
+    worker: Worker,
     /// The job directory.
-    pub(crate) dir: &'a Path,
-    pub(crate) cancel: &'a AtomicBool,
+    dir: &'a Path,
+    /// The directory in it for files that this process makes.
+    own_directory: PathBuf,
+    cancel: &'a AtomicBool,
     /// Whether this process puts together what all have made.
-    pub(crate) completes: bool,
+    completes: bool,
 }
 
 /// Consecutive numbers, divided into groups.
@@ -73,7 +79,26 @@ impl Groups {
     }
 }
 
-impl SharedStitch<'_> {
+impl<'a> SharedStitch<'a> {
+    /// The stitch of the job in `dir` by `worker` and others; one of them `completes` the cloud.
+    pub(crate) fn new(
+        worker: Worker,
+        dir: &'a Path,
+        cancel: &'a AtomicBool,
+        completes: bool,
+    ) -> Self {
+        // Processes of two machines may have one number, but hardly in the same nanosecond.
+        let now = UNIX_EPOCH.elapsed().unwrap_or_default().as_nanos();
+        let name = format!("{}-{now}", std::process::id());
+        Self {
+            worker,
+            dir,
+            own_directory: dir.join(WRITTEN_DIRECTORY).join(name),
+            cancel,
+            completes,
+        }
+    }
+
     /// Does the groups of a work that no other process does. Waits until all are done, if anything is made of them.
     fn share(
         &self,
@@ -151,8 +176,8 @@ impl SharedStitch<'_> {
 }
 
 impl Workforce for SharedStitch<'_> {
-    fn is_shared(&self) -> bool {
-        true
+    fn shared_directory(&self) -> Option<&Path> {
+        Some(&self.own_directory)
     }
 
     fn keep(
@@ -247,20 +272,20 @@ impl Worker {
         progress: &dyn Progress,
         cancel: &AtomicBool,
     ) -> Result<(), JobError> {
-        let Handover { job, record, plan } = Handover::read(dir)?;
+        let Handover {
+            job,
+            record,
+            header,
+            plan,
+        } = Handover::read(dir)?;
         let format = job.format()?;
         let mut spill = open_spill(dir)?;
         spill.set_rules(spacing_rules(&job.settings, &record, &plan.quantization)?);
         let solver = TileSolver::new(spill, plan, &record, &job.settings);
         RunContext::with(&job, self.threads, progress, cancel, |run| {
             let solved = SolvedTiles::of(block_files(&TILES, dir)?);
-            let shared = SharedStitch {
-                worker: *self,
-                dir,
-                cancel,
-                completes: false,
-            };
-            let help = || help_with_output(run, &solver, &solved, format, &shared);
+            let shared = SharedStitch::new(*self, dir, cancel, false);
+            let help = || help_with_output(run, &solver, &solved, format, &header, &shared);
             run.pool.install(help)
         })
     }

@@ -57,7 +57,9 @@ impl Worker {
         progress: &dyn Progress,
         cancel: &AtomicBool,
     ) -> Result<(), JobError> {
-        let Handover { job, record, plan } = Handover::read(dir)?;
+        let Handover {
+            job, record, plan, ..
+        } = Handover::read(dir)?;
         let mut spill = open_spill(dir)?;
         spill.set_rules(spacing_rules(&job.settings, &record, &plan.quantization)?);
         let solver = TileSolver::new(spill, plan, &record, &job.settings);

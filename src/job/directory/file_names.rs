@@ -11,6 +11,12 @@ pub(super) const LEVELS_DIRECTORY: &str = "levels";
 /// The name of the directory in which an output is written that will be uploaded.
 pub(crate) const UPLOAD_DIRECTORY: &str = "upload";
 
+/// The name of the directory in which processes that stitch write tiles of the output.
+pub(crate) const WRITTEN_DIRECTORY: &str = "written";
+
+/// The names of directories in a job directory.
+pub(super) const DIRECTORIES: [&str; 3] = [LEVELS_DIRECTORY, UPLOAD_DIRECTORY, WRITTEN_DIRECTORY];
+
 /// Stems of the names of a job's files, without the numbers of groups and attempts.
 const STEMS: [&str; 15] = [
     "groups",
@@ -31,8 +37,14 @@ const STEMS: [&str; 15] = [
 ];
 
 /// Stems of the names of files in which the stitch keeps what it has made.
-const STITCH_STEMS: [&str; 6] = [
-    "columns", "elected", "figures", "measured", "settled", "sorted",
+const STITCH_STEMS: [&str; 7] = [
+    "columns",
+    "elected",
+    "figures",
+    "measured",
+    "settled",
+    "sorted",
+    WRITTEN_DIRECTORY,
 ];
 
 /// Endings of the names of a job's files.

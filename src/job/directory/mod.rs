@@ -22,7 +22,9 @@ mod solved_tiles;
 mod stamp;
 mod started_tiles;
 
-pub(crate) use file_names::{PLAN_FILE, UPLOAD_DIRECTORY, bytes_in, is_of_tiles};
+pub(crate) use file_names::{
+    PLAN_FILE, UPLOAD_DIRECTORY, WRITTEN_DIRECTORY, bytes_in, is_of_tiles,
+};
 pub(crate) use input_stamps::InputStamps;
 pub(crate) use json_files::{write_among_others, write_file};
 pub(crate) use ownership::{JobDirectory, default_directory};

@@ -11,7 +11,9 @@ use std::{
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::{
-    file_names::{LEVELS_DIRECTORY, UPLOAD_DIRECTORY, is_of_stitch, is_of_tiles, is_own},
+    file_names::{
+        DIRECTORIES, LEVELS_DIRECTORY, UPLOAD_DIRECTORY, is_of_stitch, is_of_tiles, is_own,
+    },
     json_files::{read_json, to_json, write_among_others, write_json},
     stamp::Stamp,
 };
@@ -175,10 +177,12 @@ impl JobDirectory {
                 .to_str()
                 .is_some_and(|name| is_own(name) && wanted(name))
             {
-                drop(match name == LEVELS_DIRECTORY || name == UPLOAD_DIRECTORY {
-                    true => fs::remove_dir_all(entry.path()),
-                    false => fs::remove_file(entry.path()),
-                });
+                drop(
+                    match DIRECTORIES.iter().any(|&directory| name == directory) {
+                        true => fs::remove_dir_all(entry.path()),
+                        false => fs::remove_file(entry.path()),
+                    },
+                );
             }
         }
     }

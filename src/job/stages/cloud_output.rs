@@ -1,8 +1,8 @@
 //! The cloud of a job on its way to its file.
 
 use super::{
+    cloud_header::cloud_header,
     planned_job::PlannedJob,
-    provenance::provenance,
     stitchers::{SORTED, Sorting, Stitchers},
 };
 use crate::{
@@ -48,18 +48,11 @@ impl<'a> CloudOutput<'a> {
         format: Format,
         alone: &'a OneProcess,
     ) -> Self {
-        let (survey, solver) = (&planned.survey, &planned.solver);
+        let solver = &planned.solver;
         Self {
             run,
             format,
-            header: CloudHeader {
-                record: solver.transfer.record().clone(),
-                quantization: solver.plan.quantization,
-                crs: survey.crs.clone(),
-                carried_records: survey.carried_records(),
-                has_standard_time: survey.has_standard_time,
-                provenance: provenance(&run.job.settings, planned),
-            },
+            header: cloud_header(planned, &run.job.settings),
             spacing: solver.options.spacing,
             planned_memory: solver.plan.budget,
             alone,

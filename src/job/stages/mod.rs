@@ -8,6 +8,7 @@
 
 mod cell_attributes;
 mod checksums;
+pub(crate) mod cloud_header;
 mod cloud_output;
 mod compatibility;
 mod cut_tiles;

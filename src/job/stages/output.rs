@@ -21,7 +21,7 @@ use crate::{
         progress::{Progress, Unit},
         tile_figures::TileFigures,
     },
-    las::{CompleteCloud, CompleteMesh, Format, help_write_copc},
+    las::{CloudHeader, CompleteCloud, CompleteMesh, Format, help_write_sorted},
     tile::{OneProcess, SettledTiles},
     views::{CloudPair, UniformityMap},
 };
@@ -180,6 +180,7 @@ pub(crate) fn help_with_output(
     solver: &TileSolver,
     solved: &SolvedTiles,
     format: Format,
+    header: &CloudHeader,
     stitchers: &dyn Stitchers,
 ) -> Result<(), JobError> {
     let plan = &solver.plan.plan;
@@ -206,13 +207,10 @@ pub(crate) fn help_with_output(
     let sorting = Sorting::new(spacing, quantization, record.record_length(), buffers);
     let mut read = |tile: usize| Ok(settled.records(plan.tiles[tile].id)?);
     let sorted = stitchers.sort(&sorting, plan.tiles.len(), &mut read)?;
-    if format != Format::Copc {
-        return Ok(());
-    }
     run.progress.begin("sort", sorted.points(), 0, Unit::Points);
     let (memory, workforce) = (solver.plan.budget, stitchers.workforce());
     let workspace = workspace(run, spacing, memory, stitchers, workforce);
-    let helped = help_write_copc(record, quantization, &workspace, &*sorted);
+    let helped = help_write_sorted(format, header, &workspace, &*sorted);
     run.check_cancelled()?;
     helped.map_err(JobError::of_store)?;
     run.progress.end();

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use ::las::Vlr;
+use serde::{Deserialize, Serialize};
 
 use super::{pcd_options::PcdOptions, pieces::Workforce, store::SortingSpace};
 use crate::{
@@ -11,7 +12,7 @@ use crate::{
 };
 
 /// What the header of an output says.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct CloudHeader {
     /// The format of the records.
     pub(crate) record: RecordFormat,
@@ -20,6 +21,7 @@ pub(crate) struct CloudHeader {
     /// The coordinate reference system.
     pub(crate) crs: Option<Crs>,
     /// The variable length records of the inputs that are as true of the output.
+    #[serde(with = "records")]
     pub(crate) carried_records: Vec<Vlr>,
     /// Whether GPS times are adjusted standard times.
     pub(crate) has_standard_time: bool,
@@ -44,4 +46,46 @@ pub(crate) struct Workspace<'a> {
     pub(crate) workforce: &'a dyn Workforce,
     /// The memory for points that are sorted, in bytes.
     pub(crate) sort_bytes: usize,
+}
+
+/// Variable length records in text.
+mod records {
+    use ::las::Vlr;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    /// User, record number, description and data of a record.
+    type Record = (String, u16, String, Vec<u8>);
+
+    pub(super) fn serialize<S: Serializer>(
+        records: &[Vlr],
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        let record = |vlr: &Vlr| -> Record {
+            let Vlr {
+                user_id,
+                record_id,
+                description,
+                data,
+            } = vlr.clone();
+            (user_id, record_id, description, data)
+        };
+        records
+            .iter()
+            .map(record)
+            .collect::<Vec<Record>>()
+            .serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Vec<Vlr>, D::Error> {
+        let records = Vec::<Record>::deserialize(deserializer)?;
+        let vlr = |(user_id, record_id, description, data)| Vlr {
+            user_id,
+            record_id,
+            description,
+            data,
+        };
+        Ok(records.into_iter().map(vlr).collect())
+    }
 }

@@ -32,13 +32,12 @@ use super::{
     writer::CompleteCloud,
 };
 use crate::{
-    geometry::{Quantization, Rect},
+    geometry::Rect,
     las::{
         error::LasError,
         format::{
             copc::compression_of,
             header::{BOUNDS_START, EXTENDED_START, extended_counts, header_bounds},
-            record_format::RecordFormat,
         },
     },
 };
@@ -68,9 +67,7 @@ pub(super) fn write_copc(
     let las = las_header(header, PointEncoding::Copc).map_err(|e| wrong(&e))?;
     let mut file = BufWriter::with_capacity(1 << 20, file);
     las.write_to(&mut file).map_err(|e| wrong(&e))?;
-    let (record, quantization) = (&header.record, &header.quantization);
-    let octree = OctreeCloud::elect(record, quantization, workspace, sorted);
-    let octree = octree.map_err(|e| wrong(&e))?;
+    let octree = OctreeCloud::elect(header, workspace, sorted).map_err(|e| wrong(&e))?;
     let (order, scale) = (PointOrder::default(), header.quantization.scale);
     let levels = (octree.sets.figures(workspace))
         .and_then(|figures| CloudLevels::new(order, &octree.sets, figures, scale, seen))
@@ -94,21 +91,19 @@ pub(super) fn write_copc(
 /// # Errors
 ///
 /// If temporary files cannot be read or written.
-pub(crate) fn help_write_copc(
-    record: &RecordFormat,
-    quantization: &Quantization,
+pub(super) fn help_write_copc(
+    header: &CloudHeader,
     workspace: &Workspace<'_>,
     sorted: &dyn SortedRecords,
 ) -> Result<(), StoreError> {
-    let octree = OctreeCloud::elect(record, quantization, workspace, sorted)?;
+    let octree = OctreeCloud::elect(header, workspace, sorted)?;
     octree.sets.figures(workspace)?;
     octree.columns(&mut |_, _| Ok(()))
 }
 
 /// A cloud whose points have their levels.
 struct OctreeCloud<'a> {
-    record: &'a RecordFormat,
-    quantization: &'a Quantization,
+    header: &'a CloudHeader,
     workspace: &'a Workspace<'a>,
     sorted: &'a dyn SortedRecords,
     octree: Octree,
@@ -120,20 +115,19 @@ struct OctreeCloud<'a> {
 impl<'a> OctreeCloud<'a> {
     /// Elects the levels of the points of `sorted`.
     fn elect(
-        record: &'a RecordFormat,
-        quantization: &'a Quantization,
+        header: &'a CloudHeader,
         workspace: &'a Workspace<'a>,
         sorted: &'a dyn SortedRecords,
     ) -> Result<Self, StoreError> {
-        let spacing = workspace.spacing / quantization.scale;
+        let record = &header.record;
+        let spacing = workspace.spacing / header.quantization.scale;
         let octree = Octree::around(&sorted.bounds(), spacing);
         let bytes_per_point = 2 * record.record_length() + SORTING_BYTES_PER_POINT;
         let most = (workspace.sort_bytes / bytes_per_point).min(MOST_POINTS_OF_COLUMN);
         // A record is no longer than its format can say.
         let compression = compression_of(record.point_format, record.extra_length() as u16);
         Ok(Self {
-            record,
-            quantization,
+            header,
             workspace,
             sorted,
             sets: NestedSets::elect(sorted, octree.radii(), 0, workspace)?,
@@ -172,7 +166,7 @@ impl<'a> OctreeCloud<'a> {
             let (written, points) = (nodes.points(), self.sorted.points());
             return Err(lost(&format!("the node of {written} of {points} points")));
         }
-        Ok(nodes.finish(&self.octree, self.quantization)?)
+        Ok(nodes.finish(&self.octree, &self.header.quantization)?)
     }
 
     /// Passes the columns to `take`, each as the nodes that are complete with it, compressed, and the records of nodes above it.
@@ -204,7 +198,7 @@ impl<'a> OctreeCloud<'a> {
     }
 
     fn record_length(&self) -> usize {
-        self.record.record_length()
+        self.header.record.record_length()
     }
 }
 

@@ -4,15 +4,16 @@ use std::path::Path;
 
 use super::{
     cloud::{CloudHeader, Workspace},
-    copc::write_copc,
+    copc::{help_write_copc, write_copc},
     las::create_las,
     las_header::PointEncoding,
     output_format::Format,
     pcd::write_pcd,
     ply::create_ply,
     progressive::write_progressive,
-    store::SortedRecords,
-    tiles::write_tiles,
+    store::{SortedRecords, StoreError},
+    tile_format::TileFormat,
+    tiles::{help_write_tiles, write_tiles},
     writer::{CloudWriter, CompleteCloud},
 };
 use crate::{geometry::Rect, las::error::LasError};
@@ -38,6 +39,24 @@ impl CloudWriter {
                 "its points have to be sorted, but not here; write .laz",
             )),
         }
+    }
+}
+
+/// Does parts of the work of [`write_sorted`], whose cloud another process writes.
+///
+/// # Errors
+///
+/// If temporary files cannot be read or written.
+pub(crate) fn help_write_sorted(
+    format: Format,
+    header: &CloudHeader,
+    workspace: &Workspace<'_>,
+    sorted: &dyn SortedRecords,
+) -> Result<(), StoreError> {
+    match format {
+        Format::Copc => help_write_copc(header, workspace, sorted),
+        Format::Tiles(TileFormat::Laz) => help_write_tiles(header, workspace, sorted),
+        _ => Ok(()),
     }
 }
 

@@ -7,7 +7,7 @@
 pub(super) mod cloud;
 pub(super) mod cloud_levels;
 mod columns;
-pub(super) mod copc;
+mod copc;
 mod copc_nodes;
 pub(super) mod create;
 mod election;

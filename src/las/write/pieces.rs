@@ -3,7 +3,7 @@
 //! What a piece makes follows from its number and from work that was complete before. So it does not matter which process
 //! makes it, and a piece that was made twice is the same twice.
 
-use std::fmt::Debug;
+use std::{fmt::Debug, path::Path};
 
 use super::store::StoreError;
 
@@ -18,8 +18,14 @@ pub(crate) type TakePiece<'a> = dyn FnMut(usize, Piece) -> Result<(), StoreError
 
 /// The process or the processes that do work in pieces.
 pub(crate) trait Workforce: Sync {
+    /// A directory for files that this process makes for the one that puts all pieces together; it may have to be made. `None` if
+    /// no other process shares the work.
+    fn shared_directory(&self) -> Option<&Path>;
+
     /// Whether several processes may share the work, so that it is to be divided even where it would fit one's memory.
-    fn is_shared(&self) -> bool;
+    fn is_shared(&self) -> bool {
+        self.shared_directory().is_some()
+    }
 
     /// Makes the pieces 0 to `count` of the work with this `name`, and keeps them in files.
     ///

@@ -1,6 +1,6 @@
 //! A store in memory for tests: records in the order in which they came.
 
-use std::sync::Arc;
+use std::{path::Path, sync::Arc};
 
 use super::{
     cloud::Workspace,
@@ -44,8 +44,8 @@ pub(super) fn workspace(spacing: f64, sort_bytes: usize) -> Workspace<'static> {
 }
 
 impl Workforce for InMemory {
-    fn is_shared(&self) -> bool {
-        false
+    fn shared_directory(&self) -> Option<&Path> {
+        None
     }
 
     fn keep(
