@@ -11,7 +11,10 @@
 
 use std::{
     path::{Path, PathBuf},
-    sync::{Arc, atomic::AtomicBool},
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering::Relaxed},
+    },
     time::UNIX_EPOCH,
 };
 
@@ -145,6 +148,9 @@ impl<'a> SharedStitch<'a> {
         self.share(&kind, groups, is_awaited, |claim| {
             let mut file = BlockFile::create(&claim.path())?;
             for piece in groups.members(claim.group) {
+                if self.cancel.load(Relaxed) {
+                    return Err(JobError::Tile(TileError::Cancelled));
+                }
                 let made = make(piece).map_err(JobError::of_store)?;
                 add_piece(&mut file, piece, &made)?;
             }

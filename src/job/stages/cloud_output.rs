@@ -138,7 +138,9 @@ impl<'a> CloudOutput<'a> {
         // Whatever the writer says of it: the user has stopped it.
         run.check_cancelled()?;
         let complete = complete?;
-        sorted.remove();
+        if !workforce.is_shared() {
+            sorted.remove();
+        }
         run.progress.end();
         run.clock.end_stage("sort");
         Ok(complete)

@@ -109,7 +109,11 @@ pub(crate) fn complete_output(
             let mut read = |tile: usize| Ok(settled.records(plan.tiles[tile].id)?);
             let sorted = stitchers.sort(&output.sorting(), plan.tiles.len(), &mut read)?;
             run.clock.end_stage("write");
-            let (seen, workforce) = (seen.square.as_ref(), stitchers.workforce());
+            let workforce = match format.is_made_by_many() {
+                true => stitchers.workforce(),
+                false => alone.workforce(),
+            };
+            let seen = seen.square.as_ref();
             let complete = output.write_sorted(sorted, brightest, seen, workforce)?;
             (complete, None, None)
         }

@@ -53,6 +53,11 @@ impl Format {
         matches!(self, Self::Las | Self::Laz | Self::Ply)
     }
 
+    /// Whether several processes can make it together, once its points are sorted.
+    pub(crate) fn is_made_by_many(self) -> bool {
+        matches!(self, Self::Copc | Self::Tiles(TileFormat::Laz))
+    }
+
     /// Refuses to replace a directory, except that tiles replace one in which there is
     /// nothing but tiles.
     ///

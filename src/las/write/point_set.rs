@@ -70,7 +70,10 @@ impl PointSet<'_> {
     ) -> Result<PointSet<'static>, StoreError> {
         let most = points_together(workspace);
         let parts = self.parts(election.block(), &|part| election.around(part), most);
-        if let [everything] = parts.as_slice() {
+        // Processes that share the work elect even a small set once.
+        if let [everything] = parts.as_slice()
+            && !workspace.workforce.is_shared()
+        {
             let candidates = self.read(&election.around(everything))?;
             return Ok(PointSet::Memory(election.elect(candidates, everything)));
         }
