@@ -25,9 +25,10 @@ pub(super) const HEARTBEAT_INTERVAL: Duration = Duration::from_secs(5);
 /// The time between two looks at whether this process is to stop: schedulers give it less than a
 /// second when they do not wait.
 const CANCEL_POLL_INTERVAL: Duration = Duration::from_millis(100);
-/// The time between two listings of the claims while there is nothing to do: at first, and at most.
-const FIRST_POLL_INTERVAL: Duration = Duration::from_millis(10);
-const CLAIMS_POLL_INTERVAL: Duration = Duration::from_millis(500);
+/// The time between two listings of the claims while there is nothing to do: at least, and at most.
+const POLL_INTERVALS: [Duration; 2] = [Duration::from_millis(10), Duration::from_millis(500)];
+/// Between them it is this part of the time for which there was nothing to do, so that hardly more is lost by it than by the wait.
+const POLLS_PER_WAIT: u32 = 8;
 
 /// A process that does the work of a job together with others.
 #[derive(Clone, Copy, Debug)]
@@ -82,7 +83,7 @@ impl Worker {
         let order = self.order(count);
         let mut liveness = Liveness::new(self.heartbeat_timeout, self.retry_limit);
         let mut abandoned = HashSet::new();
-        let mut poll_interval = FIRST_POLL_INTERVAL;
+        let mut idle_since = Instant::now();
         loop {
             if cancel.load(Ordering::Relaxed) {
                 return Err(JobError::Tile(TileError::Cancelled));
@@ -105,6 +106,7 @@ impl Worker {
                         abandoned.insert(group);
                     }
                     is_done?;
+                    idle_since = Instant::now();
                 } else {
                     // Another process was faster, and the listing of a network file system may
                     // be older still.
@@ -116,8 +118,8 @@ impl Worker {
                 let is_given_up = |&group: &usize| states[group] == GroupState::GivenUp;
                 return Ok((0..count).filter(is_given_up).collect());
             }
-            thread::sleep(poll_interval);
-            poll_interval = CLAIMS_POLL_INTERVAL.min(2 * poll_interval);
+            let [least, most] = POLL_INTERVALS;
+            thread::sleep((idle_since.elapsed() / POLLS_PER_WAIT).clamp(least, most));
         }
     }
 
