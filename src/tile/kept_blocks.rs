@@ -31,7 +31,7 @@ impl KeptBlocks {
     /// Pieces that several processes have made: so many consecutive ones in each of `files`.
     pub(crate) fn of_many_processes(files: Vec<BlockFile>, pieces_per_file: usize) -> Self {
         Self {
-            files: files,
+            files,
             pieces_per_file,
             is_alone: false,
         }
