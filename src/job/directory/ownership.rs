@@ -24,7 +24,7 @@ use crate::job::error::JobError;
 pub(crate) struct JobDirectory {
     path: PathBuf,
     /// The locked file; closing it releases the lock.
-    _lock: File,
+    lock: File,
     owner: Owner,
     /// Whether this process began the job.
     is_new: bool,
@@ -63,7 +63,7 @@ impl JobDirectory {
         }
         let mut directory = Self {
             path: path.to_owned(),
-            _lock: lock,
+            lock,
             owner: Owner {
                 identity,
                 delivered: None,
@@ -223,7 +223,10 @@ impl JobDirectory {
         self.forget(|name| name != OWNER_FILE && name != "lock");
         self.forget(|name| name != "lock");
         self.forget(|_| true);
-        drop(fs::remove_dir(&self.path));
+        let Self { path, lock, .. } = self;
+        // A network file system keeps a removed file under a hidden name until it is closed.
+        drop(lock);
+        drop(fs::remove_dir(path));
     }
 }
 
