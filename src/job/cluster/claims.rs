@@ -104,6 +104,19 @@ impl Claim {
         Ok(found.into_iter().map(claim).collect())
     }
 
+    /// Lists one complete claim of this `kind` in `dir` for each group that has one. If two processes completed a group, their
+    /// results are equal, and the first one is listed.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError::Io`] if `dir` cannot be read.
+    pub(crate) fn all_complete(kind: &WorkKind, dir: &Path) -> Result<Vec<Self>, JobError> {
+        let mut claims = Self::all(kind, dir)?;
+        claims.retain(|claim| claim.state == AttemptState::Complete);
+        claims.dedup_by_key(|claim| claim.group);
+        Ok(claims)
+    }
+
     /// The path of the file that claims the group and contains its result.
     pub(crate) fn path(&self) -> PathBuf {
         self.stem.with_extension(self.claim_extension)

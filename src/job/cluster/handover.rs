@@ -18,9 +18,12 @@ use crate::{
         progress::Progress,
         stages::{
             cloud_header::cloud_header,
+            density::spacing_rules,
             plan::JobPlan,
             preparation::{join_scatter, prepare},
+            scan_groups::open_spill,
             scatter::SpillReaders,
+            tile_solver::TileSolver,
         },
     },
     las::{CloudHeader, RecordFormat},
@@ -71,6 +74,18 @@ impl Handover {
         // Two machines may know the directory by different paths.
         found.job.dir = dir.to_owned();
         Ok(found)
+    }
+
+    /// Opens the scattered points, to solve their tiles.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError`] if they cannot be read, or a file that the rules for the spacing name cannot.
+    pub(super) fn solver(&self) -> Result<TileSolver, JobError> {
+        let (settings, plan) = (&self.job.settings, self.plan.clone());
+        let mut spill = open_spill(&self.job.dir)?;
+        spill.set_rules(spacing_rules(settings, &self.record, &plan.quantization)?);
+        Ok(TileSolver::new(spill, plan, &self.record, settings))
     }
 
     fn write(&self) -> Result<(), JobError> {

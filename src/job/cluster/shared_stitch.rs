@@ -11,15 +11,12 @@
 
 use std::{
     path::{Path, PathBuf},
-    sync::{
-        Arc,
-        atomic::{AtomicBool, Ordering::Relaxed},
-    },
+    sync::atomic::{AtomicBool, Ordering::Relaxed},
     time::UNIX_EPOCH,
 };
 
 use super::{
-    claims::{AttemptState, Claim, WorkKind},
+    claims::{Claim, WorkKind},
     group_files::{TILES, block_files},
     handover::Handover,
     worker::Worker,
@@ -31,15 +28,12 @@ use crate::{
         error::JobError,
         progress::Progress,
         stages::{
-            density::spacing_rules,
             output::help_with_output,
-            scan_groups::open_spill,
             stitchers::{ReadTile, SORTED, Sorting, Stitchers, sort_in},
-            tile_solver::TileSolver,
         },
     },
-    las::{KeptPieces, MakePiece, SortedRecords, SortingSpace, StoreError, TakePiece, Workforce},
-    tile::{BlockFile, KeptBlocks, Spill, SpillSpace, TileError, add_piece},
+    las::{KeptPieces, MakePiece, SortedRecords, StoreError, TakePiece, Workforce},
+    tile::{BlockFile, KeptBlocks, Spill, TileError, add_piece},
 };
 
 /// The number of groups in which the pieces of a work are claimed, at most.
@@ -162,9 +156,7 @@ impl<'a> SharedStitch<'a> {
 
     /// The complete claim of each group.
     fn complete_claims(&self, kind: &WorkKind, groups: Groups) -> Result<Vec<Claim>, JobError> {
-        let mut complete = Claim::all(kind, self.dir)?;
-        complete.retain(|claim| claim.state == AttemptState::Complete);
-        complete.dedup_by_key(|claim| claim.group);
+        let complete = Claim::all_complete(kind, self.dir)?;
         match complete.len() == groups.len() {
             true => Ok(complete),
             false => Err(JobError::Tile(TileError::damaged(self.dir))),
@@ -217,11 +209,8 @@ impl Stitchers for SharedStitch<'_> {
         self
     }
 
-    fn space(&self, buffer_bytes: usize) -> Arc<dyn SortingSpace> {
-        Arc::new(SpillSpace {
-            directory: self.dir.to_owned(),
-            buffer_bytes,
-        })
+    fn directory(&self) -> &Path {
+        self.dir
     }
 
     fn sort(
@@ -278,20 +267,13 @@ impl Worker {
         progress: &dyn Progress,
         cancel: &AtomicBool,
     ) -> Result<(), JobError> {
-        let Handover {
-            job,
-            record,
-            header,
-            plan,
-        } = Handover::read(dir)?;
+        let handover = Handover::read(dir)?;
+        let (job, header, solver) = (&handover.job, &handover.header, handover.solver()?);
         let format = job.format()?;
-        let mut spill = open_spill(dir)?;
-        spill.set_rules(spacing_rules(&job.settings, &record, &plan.quantization)?);
-        let solver = TileSolver::new(spill, plan, &record, &job.settings);
-        RunContext::with(&job, self.threads, progress, cancel, |run| {
+        RunContext::with(job, self.threads, progress, cancel, |run| {
             let solved = SolvedTiles::of(block_files(&TILES, dir)?);
             let shared = SharedStitch::new(*self, dir, cancel, false);
-            let help = || help_with_output(run, &solver, &solved, format, &header, &shared);
+            let help = || help_with_output(run, &solver, &solved, format, header, &shared);
             run.pool.install(help)
         })
     }

@@ -17,9 +17,7 @@ use crate::{
         progress::{Progress, Unit},
         resources::mebibytes,
         stages::{
-            density::spacing_rules,
             plan::JobPlan,
-            scan_groups::open_spill,
             solve::{corrected_count, finish_tiles, solve_tiles, start_tiles},
             tile_solver::TileSolver,
         },
@@ -57,15 +55,11 @@ impl Worker {
         progress: &dyn Progress,
         cancel: &AtomicBool,
     ) -> Result<(), JobError> {
-        let Handover {
-            job, record, plan, ..
-        } = Handover::read(dir)?;
-        let mut spill = open_spill(dir)?;
-        spill.set_rules(spacing_rules(&job.settings, &record, &plan.quantization)?);
-        let solver = TileSolver::new(spill, plan, &record, &job.settings);
+        let handover = Handover::read(dir)?;
+        let (job, solver) = (&handover.job, handover.solver()?);
         let plan = &solver.plan;
         let groups = groups(&plan.plan);
-        RunContext::with(&job, self.threads, progress, cancel, |run| {
+        RunContext::with(job, self.threads, progress, cancel, |run| {
             let progress = run.progress;
             let after = match plan.has_two_rounds {
                 true => Some(self.start(run, dir, &solver, &groups)?),

@@ -4,6 +4,7 @@ use super::{
     cloud_header::cloud_header,
     planned_job::PlannedJob,
     stitchers::{SORTED, Sorting, Stitchers},
+    tile_solver::TileSolver,
 };
 use crate::{
     geometry::Rect,
@@ -26,6 +27,7 @@ pub(super) struct CloudOutput<'a> {
     format: Format,
     header: CloudHeader,
     spacing: f64,
+    sorting: Sorting,
     /// The memory that the plan was made for: processes that share a job divide its work alike.
     planned_memory: u64,
     /// The process that writes the cloud.
@@ -54,6 +56,7 @@ impl<'a> CloudOutput<'a> {
             format,
             header: cloud_header(planned, &run.job.settings),
             spacing: solver.options.spacing,
+            sorting: sorting(run, solver),
             planned_memory: solver.plan.budget,
             alone,
         }
@@ -73,17 +76,10 @@ impl<'a> CloudOutput<'a> {
             grid,
             record_length,
             buffer_bytes,
-        } = self.sorting();
+        } = self.sorting;
         let space = self.alone.space(buffer_bytes);
         let sorter = space.begin(SORTED, grid, record_length);
         Ok(OrderedCloud::Sorted(sorter.map_err(JobError::of_store)?))
-    }
-
-    /// How the points are sorted by position.
-    pub(super) fn sorting(&self) -> Sorting {
-        let length = self.header.record.record_length();
-        let buffers = self.run.budget.buffers();
-        Sorting::new(self.spacing, &self.header.quantization, length, buffers)
     }
 
     /// Completes the file of `cloud`, whose colours reach `brightest`. If it has levels, those of the points in `seen` are returned
@@ -159,6 +155,13 @@ impl OrderedCloud {
             Self::Sorted(sorter) => sorter.push(records).map_err(JobError::of_store),
         }
     }
+}
+
+/// How the points of the output of `solver` are sorted by position.
+pub(super) fn sorting(run: &RunContext<'_>, solver: &TileSolver) -> Sorting {
+    let (spacing, quantization) = (solver.options.spacing, &solver.plan.quantization);
+    let length = solver.transfer.record().record_length();
+    Sorting::new(spacing, quantization, length, run.budget.buffers())
 }
 
 /// What a cloud with this `spacing` (CRS units) is written with, in a job that was planned for so many bytes of memory.

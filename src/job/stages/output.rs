@@ -1,13 +1,13 @@
 //! From solved tiles to a complete cloud: stitch, write, views, sort.
 
 use super::{
-    cloud_output::{CloudOutput, OrderedCloud, workspace},
+    cloud_output::{CloudOutput, OrderedCloud, sorting, workspace},
     mesh_ordering::Ordering,
     mesh_tiles::MeshTiles,
     no_points::all_isolated,
     planned_job::PlannedJob,
     stitch::stitch,
-    stitchers::{Sorting, Stitchers},
+    stitchers::Stitchers,
     tile_solver::TileSolver,
     views::ResultViews,
     write::{Measured, measure_tiles},
@@ -21,7 +21,10 @@ use crate::{
         progress::{Progress, Unit},
         tile_figures::TileFigures,
     },
-    las::{CloudHeader, CompleteCloud, CompleteMesh, Format, help_write_sorted},
+    las::{
+        CloudHeader, CompleteCloud, CompleteMesh, Format, RecordFormat, SortedRecords,
+        help_write_sorted,
+    },
     tile::{OneProcess, SettledTiles},
     views::{CloudPair, UniformityMap},
 };
@@ -83,14 +86,14 @@ pub(crate) fn complete_output(
     // Measure the distances between the points, and write or sort the records.
     let output = CloudOutput::new(run, planned, format, &alone);
     let mut way = Way::begin(run, planned, &scratch, &output)?;
-    let mut write = |tile| way.push(run, &settled.records(tile)?);
+    let mut write = |tile| way.push(run, &settled, tile);
     run.progress
         .begin("write", plan.tiles.len() as u64, 0, Unit::Tiles);
-    let record = solver.transfer.record();
+    let colors = colors_of(solver, format);
     let measured = measure_tiles(
         run,
         &cloud,
-        record,
+        colors,
         &mut map,
         stitchers.workforce(),
         &mut write,
@@ -106,8 +109,7 @@ pub(crate) fn complete_output(
     // Complete the file, and the mesh if there is one.
     let (complete, mesh_figures, mesh) = match way {
         Way::ByPosition => {
-            let mut read = |tile: usize| Ok(settled.records(plan.tiles[tile].id)?);
-            let sorted = stitchers.sort(&output.sorting(), plan.tiles.len(), &mut read)?;
+            let sorted = sort(run, solver, &settled, stitchers)?;
             run.clock.end_stage("write");
             let workforce = match format.is_made_by_many() {
                 true => stitchers.workforce(),
@@ -191,13 +193,12 @@ pub(crate) fn help_with_output(
     let settled = settle(run, solver, solved, stitchers)?;
     let cloud = cloud_pair(solver, &settled);
     let mut map = UniformityMap::of_input(&solver.spill);
-    let record = solver.transfer.record();
     run.progress
         .begin("write", plan.tiles.len() as u64, 0, Unit::Tiles);
     measure_tiles(
         run,
         &cloud,
-        record,
+        colors_of(solver, format),
         &mut map,
         stitchers.workforce(),
         &mut |_| Ok(()),
@@ -206,19 +207,21 @@ pub(crate) fn help_with_output(
     if run.job.mesh.is_some() || !run.job.is_sorted() {
         return Ok(());
     }
-    let (spacing, quantization) = (solver.options.spacing, &solver.plan.quantization);
-    let buffers = run.budget.buffers();
-    let sorting = Sorting::new(spacing, quantization, record.record_length(), buffers);
-    let mut read = |tile: usize| Ok(settled.records(plan.tiles[tile].id)?);
-    let sorted = stitchers.sort(&sorting, plan.tiles.len(), &mut read)?;
+    let sorted = sort(run, solver, &settled, stitchers)?;
     run.progress.begin("sort", sorted.points(), 0, Unit::Points);
     let (memory, workforce) = (solver.plan.budget, stitchers.workforce());
+    let spacing = solver.options.spacing;
     let workspace = workspace(run, spacing, memory, stitchers, workforce);
     let helped = help_write_sorted(format, header, &workspace, &*sorted);
     run.check_cancelled()?;
     helped.map_err(JobError::of_store)?;
     run.progress.end();
     Ok(())
+}
+
+/// The format of records in which the largest value of a colour is to be found for the output, if it is.
+fn colors_of(solver: &TileSolver, format: Format) -> Option<&RecordFormat> {
+    (format.has_relative_colors()).then(|| solver.transfer.record())
 }
 
 /// The way of the records from the settled tiles to the file.
@@ -245,11 +248,16 @@ impl<'a> Way<'a> {
         })
     }
 
-    /// Adds the records of a tile.
-    fn push(&mut self, run: &RunContext<'_>, records: &[u8]) -> Result<(), JobError> {
+    /// Adds the records of a `settled` tile.
+    fn push(
+        &mut self,
+        run: &RunContext<'_>,
+        settled: &SettledTiles,
+        tile: u32,
+    ) -> Result<(), JobError> {
         match self {
-            Self::InOrder(ordered) => ordered.write(records),
-            Self::ByMesh(ordering) => ordering.push(run, records),
+            Self::InOrder(ordered) => ordered.write(&settled.records(tile)?),
+            Self::ByMesh(ordering) => ordering.push(run, &settled.records(tile)?),
             Self::ByPosition => Ok(()),
         }
     }
@@ -280,6 +288,18 @@ fn settle(
     run.clock.end_stage("stitch");
     run.check_cancelled()?;
     Ok(settled)
+}
+
+/// Sorts the records of the `settled` tiles by position.
+fn sort(
+    run: &RunContext<'_>,
+    solver: &TileSolver,
+    settled: &SettledTiles,
+    stitchers: &dyn Stitchers,
+) -> Result<Box<dyn SortedRecords>, JobError> {
+    let tiles = &solver.plan.plan.tiles;
+    let mut read = |tile: usize| Ok(settled.records(tiles[tile].id)?);
+    stitchers.sort(&sorting(run, solver), tiles.len(), &mut read)
 }
 
 fn check_conservation(sites: u64, points: u64) -> Result<(), JobError> {

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     job::{
-        cluster::{AttemptState, Claim, WorkKind},
+        cluster::{Claim, WorkKind},
         directory::write_among_others,
         error::JobError,
     },
@@ -65,10 +65,7 @@ pub(super) fn single_spill(dir: &Path) -> PathBuf {
 ///
 /// See [`Spill::join`].
 pub(crate) fn open_spill(dir: &Path) -> Result<Spill, JobError> {
-    let mut claims = Claim::all(&POINTS, dir)?;
-    claims.retain(|claim| claim.state == AttemptState::Complete);
-    // If two processes completed one group, their spills are equal, and the first one is read.
-    claims.dedup_by_key(|claim| claim.group);
+    let claims = Claim::all_complete(&POINTS, dir)?;
     let stems: Vec<PathBuf> = match claims.is_empty() {
         true => vec![single_spill(dir)],
         false => claims.into_iter().map(|claim| claim.stem).collect(),

@@ -1,6 +1,6 @@
 //! Who stitches a job: one process, or all that share it.
 
-use std::sync::Arc;
+use std::{path::Path, sync::Arc};
 
 use crate::{
     geometry::Quantization,
@@ -17,7 +17,7 @@ const SORTING_CELL_IN_SPACINGS: f64 = 512.0;
 pub(crate) const SORTED: &str = "sorted";
 
 /// How the points of the output are sorted by position.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Sorting {
     pub(crate) grid: CellGrid,
     /// The length of a record, in bytes.
@@ -50,8 +50,16 @@ pub(crate) trait Stitchers: Workforce {
     /// Itself, for work on the output.
     fn workforce(&self) -> &dyn Workforce;
 
+    /// The directory of their temporary files.
+    fn directory(&self) -> &Path;
+
     /// The space for the temporary files of this process, whose buffers take so many bytes.
-    fn space(&self, buffer_bytes: usize) -> Arc<dyn SortingSpace>;
+    fn space(&self, buffer_bytes: usize) -> Arc<dyn SortingSpace> {
+        Arc::new(SpillSpace {
+            directory: self.directory().to_owned(),
+            buffer_bytes,
+        })
+    }
 
     /// Sorts the records of the tiles 0 to `tiles` by position; `read` returns those of a tile.
     ///
@@ -71,11 +79,8 @@ impl Stitchers for OneProcess {
         self
     }
 
-    fn space(&self, buffer_bytes: usize) -> Arc<dyn SortingSpace> {
-        Arc::new(SpillSpace {
-            directory: self.directory.clone(),
-            buffer_bytes,
-        })
+    fn directory(&self) -> &Path {
+        &self.directory
     }
 
     fn sort(

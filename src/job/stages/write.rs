@@ -47,7 +47,7 @@ pub(super) struct Measured {
     map: MapPart,
     /// δ of the points of each tile; `None` if it has too few.
     pub(super) delta_by_tile: Vec<Option<f64>>,
-    /// The largest value of a colour.
+    /// The largest value of a colour, if it was looked for.
     pub(super) brightest: u16,
 }
 
@@ -111,7 +111,8 @@ impl Stitched {
 }
 
 /// Measures the points of all settled tiles of `cloud`, by `workforce`, and adds them to `map`. Calls `write` with the number of
-/// each tile in the order of the plan, unless this process only helps.
+/// each tile in the order of the plan, unless this process only helps. The largest value of a colour is found if records are
+/// given by their format in `colors`.
 ///
 /// # Errors
 ///
@@ -119,7 +120,7 @@ impl Stitched {
 pub(super) fn measure_tiles(
     run: &RunContext<'_>,
     cloud: &CloudPair<'_>,
-    record: &RecordFormat,
+    colors: Option<&RecordFormat>,
     map: &mut UniformityMap,
     workforce: &dyn Workforce,
     write: &mut dyn FnMut(u32) -> Result<(), JobError>,
@@ -127,7 +128,7 @@ pub(super) fn measure_tiles(
     let (tiles, mut all) = (&cloud.plan.tiles, Measured::nothing(cloud));
     let mut measure = |piece: usize| {
         run.check_cancelled()?;
-        let measured = measure_tile(cloud, record, map, &tiles[piece])?;
+        let measured = measure_tile(cloud, colors, map, &tiles[piece])?;
         run.progress.advance(1);
         Ok::<Piece, StoreError>(vec![serde_json::to_vec(&measured)?])
     };
@@ -144,7 +145,7 @@ pub(super) fn measure_tiles(
 /// Measures the points of a settled tile, on the squares of `map`.
 fn measure_tile(
     cloud: &CloudPair<'_>,
-    record: &RecordFormat,
+    colors: Option<&RecordFormat>,
     map: &UniformityMap,
     tile: &Tile,
 ) -> Result<Measured, JobError> {
@@ -152,7 +153,7 @@ fn measure_tile(
     measured.stitched.seams = seams_of(cloud.settled, tile)?;
     // Measure the nearest distances, to points of neighbouring tiles, too.
     let records = cloud.settled.records(tile.id)?;
-    measured.brightest = brightness(&records, record);
+    measured.brightest = colors.map_or(0, |record| brightness(&records, record));
     let nearest = nearest_distances(cloud, tile, &records)?;
 
     // Tally them.

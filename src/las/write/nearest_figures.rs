@@ -1,7 +1,7 @@
 //! How even a set of points is: the distances of its points to the nearest other one.
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{
     cloud::Workspace,
@@ -9,7 +9,10 @@ use super::{
     point_set::{PointSet, points_together},
     store::StoreError,
 };
-use crate::geometry::{Local, NeighborGrid, Rect, Stored};
+use crate::{
+    geometry::{Local, NeighborGrid, Rect, Stored},
+    quality::DistanceSums,
+};
 
 /// How far the nearest point is searched for, in radii of the election of the set.
 const FARTHEST_IN_RADII: f64 = 4.0;
@@ -69,10 +72,10 @@ pub(super) fn nearest_figures(
         let part = &parts[piece];
         let found = chosen(set.read(&around(part))?, &around(part))?;
         let of_part = NearestSums::of(&found, part, radius, farthest);
-        Ok(vec![of_part.to_bytes()])
+        Ok::<_, StoreError>(vec![serde_json::to_vec(&of_part)?])
     };
     let mut add = |_, piece: Vec<Vec<u8>>| {
-        sums.add(&NearestSums::from_bytes(&piece.concat()));
+        sums.add(&serde_json::from_slice(&piece.concat())?);
         Ok(())
     };
     let workforce = workspace.workforce;
@@ -81,13 +84,12 @@ pub(super) fn nearest_figures(
 }
 
 /// The sums over nearest distances from which the figures follow.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct NearestSums {
     points: u64,
-    measured: u64,
-    sum: f64,
-    sum_of_squares: f64,
-    least: f64,
+    distances: DistanceSums,
+    /// The least distance, if there is one.
+    least: Option<f64>,
 }
 
 impl NearestSums {
@@ -107,72 +109,35 @@ impl NearestSums {
                 nearest.map(|(_, squared)| squared.sqrt())
             })
             .collect();
-        let mut sums = Self {
-            points: nearest.len() as u64,
-            ..Self::default()
-        };
-        for distance in nearest.into_iter().flatten() {
-            sums.add(&Self {
-                points: 0,
-                measured: 1,
-                sum: distance,
-                sum_of_squares: distance * distance,
-                least: distance,
-            });
+        let points = nearest.len() as u64;
+        let nearest = nearest.into_iter().flatten();
+        Self {
+            points,
+            distances: DistanceSums::of(nearest.clone()),
+            least: nearest.reduce(f64::min),
         }
-        sums
     }
 
     fn add(&mut self, other: &Self) {
-        if other.measured > 0 {
-            let is_first = self.measured == 0;
-            self.least = if is_first {
-                other.least
-            } else {
-                self.least.min(other.least)
-            };
-        }
         self.points += other.points;
-        self.measured += other.measured;
-        self.sum += other.sum;
-        self.sum_of_squares += other.sum_of_squares;
+        self.distances.add(&other.distances);
+        self.least = self.least.into_iter().chain(other.least).reduce(f64::min);
     }
 
     fn figures(&self, radius: f64) -> NearestFigures {
-        let (count, mean) = (self.measured as f64, self.sum / self.measured as f64);
-        let variance = (self.sum_of_squares / count - mean * mean).max(0.0);
+        let DistanceSums {
+            count,
+            sum,
+            squares,
+        } = self.distances;
+        let mean = sum / count as f64;
+        let variance = (squares / count as f64 - mean * mean).max(0.0);
         NearestFigures {
             points: self.points,
             spacing: radius,
             mean,
             cv: variance.sqrt() / mean,
-            least: if self.measured > 0 {
-                self.least
-            } else {
-                f64::INFINITY
-            },
-        }
-    }
-
-    fn to_bytes(self) -> Vec<u8> {
-        let counts = [self.points, self.measured];
-        let reals = [self.sum, self.sum_of_squares, self.least];
-        let words = counts.into_iter().chain(reals.map(f64::to_bits));
-        words.flat_map(u64::to_le_bytes).collect()
-    }
-
-    fn from_bytes(bytes: &[u8]) -> Self {
-        let word = |number: usize| {
-            let word = bytes.get(8 * number..8 * number + 8);
-            word.and_then(|word| word.try_into().ok())
-                .map_or(0, u64::from_le_bytes)
-        };
-        Self {
-            points: word(0),
-            measured: word(1),
-            sum: f64::from_bits(word(2)),
-            sum_of_squares: f64::from_bits(word(3)),
-            least: f64::from_bits(word(4)),
+            least: self.least.unwrap_or(f64::INFINITY),
         }
     }
 }

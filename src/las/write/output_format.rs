@@ -53,6 +53,11 @@ impl Format {
         matches!(self, Self::Las | Self::Laz | Self::Ply)
     }
 
+    /// Whether its colours are relative to the largest value of all.
+    pub(crate) fn has_relative_colors(self) -> bool {
+        matches!(self, Self::Pcd | Self::Tiles(TileFormat::Pcd))
+    }
+
     /// Whether several processes can make it together, once its points are sorted.
     pub(crate) fn is_made_by_many(self) -> bool {
         matches!(self, Self::Copc | Self::Tiles(TileFormat::Laz))

@@ -127,14 +127,13 @@ impl<'a> Tiles<'a> {
         file_of: &mut FileOf<'_>,
         take: &mut dyn FnMut([i64; 2], WrittenTile) -> Result<(), StoreError>,
     ) -> Result<(), StoreError> {
-        // How bright colours are is known to the process that writes the directory.
-        let shared = (self.workforce.shared_directory()).filter(|_| self.pcd.is_none());
+        let shared = self.workforce.shared_directory();
         let mut make = |number: usize| {
             let square = squares[number];
             let path = match shared {
                 Some(directory) => {
                     std::fs::create_dir_all(directory)?;
-                    directory.join(format!("{number}.laz"))
+                    directory.join(format!("{number}{}", self.format.ending()))
                 }
                 None => file_of(square)?,
             };
@@ -146,10 +145,7 @@ impl<'a> Tiles<'a> {
         let mut taken = |number: usize, piece: Piece| {
             take(squares[number], serde_json::from_slice(&piece.concat())?)
         };
-        match self.pcd {
-            Some(_) => (0..squares.len()).try_for_each(|number| taken(number, make(number)?)),
-            None => (self.workforce).pass("written", squares.len(), &mut make, &mut taken),
-        }
+        (self.workforce).pass("written", squares.len(), &mut make, &mut taken)
     }
 
     /// Writes the points of a square to `path`; a square without points has no file.
