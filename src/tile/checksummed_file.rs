@@ -21,10 +21,20 @@ use crate::geometry::spread;
 ///
 /// The error of the operating system; an earlier file of this name is unchanged then.
 pub(crate) fn write_checksummed(path: &Path, content: &[u8]) -> io::Result<()> {
+    write_complete(path, &[content, &checksum(content).to_le_bytes()])
+}
+
+/// Writes `pieces`, one after the other, to the file at `path`, which is complete or unchanged.
+///
+/// # Errors
+///
+/// The error of the operating system; an earlier file of this name is unchanged then.
+pub(super) fn write_complete(path: &Path, pieces: &[&[u8]]) -> io::Result<()> {
     let aside = path.with_extension("part");
     let mut file = File::create(&aside)?;
-    file.write_all(content)?;
-    file.write_all(&checksum(content).to_le_bytes())?;
+    for piece in pieces {
+        file.write_all(piece)?;
+    }
     file.sync_all()?;
     fs::rename(&aside, path)
 }

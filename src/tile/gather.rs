@@ -10,16 +10,15 @@ use std::{
     collections::BTreeMap,
     fs::File,
     io::{ErrorKind, Read, Seek, SeekFrom},
-    path::PathBuf,
 };
 
 use rayon::prelude::*;
 
 use super::{
     cell_points::{CellPoints, Spilled},
+    chunk_table::Chunk,
     error::TileError,
-    spill::{Place, Spill},
-    spill_index::Chunk,
+    spill::{Place, Spill, SpillFile},
 };
 use crate::{
     geometry::{Rect, Stored},
@@ -54,13 +53,16 @@ impl Spill {
         match &self.place {
             Place::Memory(cells) => {
                 for (cell, points) in cells_in(cells, self.grid(), rect) {
-                    self.visit_cell(*cell, &points.records, &points.sums, rect, &mut visit);
+                    let cell = self.grid().rect(*cell);
+                    self.visit_cell(&cell, &points.records, &points.sums, rect, &mut visit);
                 }
             }
             Place::Files(files) => {
                 let mut buffer = Vec::new();
-                for chunks in &windows(&self.chunks(rect), WINDOW_BYTES) {
-                    self.visit_window(files, chunks, rect, &mut buffer, &mut visit)?;
+                for file in files {
+                    for chunks in windows(&file.chunks.chunks_in(rect)?, WINDOW_BYTES) {
+                        self.visit_window(file, chunks, rect, &mut buffer, &mut visit)?;
+                    }
                 }
             }
         }
@@ -92,7 +94,8 @@ impl Spill {
                         let mut visit = |spilled: Spilled<'_>| visit(&mut found, spilled);
                         for (cell, points) in cells {
                             let (records, sums) = (&points.records, &points.sums);
-                            self.visit_cell(**cell, records, sums, rect, &mut visit);
+                            let cell = self.grid().rect(**cell);
+                            self.visit_cell(&cell, records, sums, rect, &mut visit);
                         }
                         found
                     };
@@ -103,15 +106,19 @@ impl Spill {
             }
         };
         // The windows of all threads together take as much memory as the window of one.
-        let chunks = self.chunks(rect);
-        let windows = windows(&chunks, WINDOW_BYTES / threads as u64);
+        let chunks = |file: &SpillFile| file.chunks.chunks_in(rect);
+        let chunks: Vec<Vec<Chunk>> = files.iter().map(chunks).collect::<Result<_, _>>()?;
+        let max_bytes = WINDOW_BYTES / threads as u64;
+        let windows: Vec<(&SpillFile, &[Chunk])> = (files.iter().zip(&chunks))
+            .flat_map(|(file, chunks)| windows(chunks, max_bytes).map(move |few| (file, few)))
+            .collect();
         for few in windows.chunks(PARTS_PER_THREAD * threads) {
             let parts: Vec<T> = few
                 .par_iter()
-                .map_init(Vec::new, |buffer, chunks| {
+                .map_init(Vec::new, |buffer, (file, chunks)| {
                     let mut found = T::default();
                     let mut visit = |spilled: Spilled<'_>| visit(&mut found, spilled);
-                    self.visit_window(files, chunks, rect, buffer, &mut visit)?;
+                    self.visit_window(file, chunks, rect, buffer, &mut visit)?;
                     Ok(found)
                 })
                 .collect::<Result<_, TileError>>()?;
@@ -120,10 +127,10 @@ impl Spill {
         Ok(())
     }
 
-    /// Reads the window of `chunks` into `buffer`, and visits its points in `rect`.
+    /// Reads the window of `chunks` of `file` into `buffer`, and visits its points in `rect`.
     fn visit_window(
         &self,
-        files: &[PathBuf],
+        file: &SpillFile,
         chunks: &[Chunk],
         rect: &Rect,
         buffer: &mut Vec<u8>,
@@ -133,7 +140,7 @@ impl Spill {
         let end = chunks.last().map_or(0, Chunk::end);
         // A window is one chunk or a few MiB, and fits in memory.
         buffer.resize((end - start) as usize, 0);
-        let path = &files[chunks.first().map_or(0, |chunk| chunk.file as usize)];
+        let path = &file.path;
         let read = File::open(path).and_then(|mut file| {
             file.seek(SeekFrom::Start(start))?;
             file.read_exact(buffer)
@@ -148,7 +155,8 @@ impl Spill {
                 buffer[from..from + chunk.bytes() as usize].split_at(chunk.records as usize);
             let sums = sums.chunks_exact(CellPoints::SUM_BYTES);
             let sums: Vec<PointSum> = sums.map(CellPoints::decode_sum).collect();
-            self.visit_cell(chunk.cell, records, &sums, rect, visit);
+            let cell = file.chunks.grid.rect(chunk.cell);
+            self.visit_cell(&cell, records, &sums, rect, visit);
         }
         Ok(())
     }
@@ -157,13 +165,13 @@ impl Spill {
     /// mean of its points does.
     fn visit_cell(
         &self,
-        cell: CellKey,
+        cell: &Rect,
         records: &[u8],
         sums: &[PointSum],
         rect: &Rect,
         visit: &mut impl FnMut(Spilled<'_>),
     ) {
-        let is_inside = rect.covers(&self.grid().rect(cell));
+        let is_inside = rect.covers(cell);
         for record in records.chunks_exact(self.record_length()) {
             if is_inside || rect.contains(Stored::of_record(record)) {
                 visit(Spilled::Record(record));
@@ -189,21 +197,19 @@ fn cells_in<'a>(
         .filter(move |(cell, _)| grid.rect(**cell).intersects(&rect))
 }
 
-/// Divides `chunks`, which are in the order of the files, into windows of chunks that lie close
+/// Divides `chunks`, which are in the order of their file, into windows of chunks that lie close
 /// together. A window has at most `max_bytes`, or is a single chunk.
-fn windows(chunks: &[Chunk], max_bytes: u64) -> Vec<&[Chunk]> {
-    let mut windows = Vec::new();
+fn windows(chunks: &[Chunk], max_bytes: u64) -> impl Iterator<Item = &[Chunk]> {
     let mut rest = chunks;
-    while let Some(first) = rest.first() {
+    std::iter::from_fn(move || {
+        let first = rest.first()?;
         let is_near = |pair: &&[Chunk]| {
             let gap = pair[1].offset.saturating_sub(pair[0].end());
-            let is_close = pair[0].file == pair[1].file && gap <= MAX_GAP_BYTES;
-            is_close && pair[1].end() <= first.offset + max_bytes
+            gap <= MAX_GAP_BYTES && pair[1].end() <= first.offset + max_bytes
         };
         let count = 1 + rest.windows(2).take_while(is_near).count();
         let (near, far) = rest.split_at(count);
-        windows.push(near);
         rest = far;
-    }
-    windows
+        Some(near)
+    })
 }

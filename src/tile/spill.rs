@@ -12,12 +12,12 @@ use rayon::prelude::*;
 
 use super::{
     cell_points::CellPoints,
+    chunk_table::ChunkTable,
     error::TileError,
     spacing_rules::SpacingRules,
-    spill_index::{Chunk, SpillIndex, index_path, spill_path},
+    spill_index::{SpillIndex, index_path, spill_path},
 };
 use crate::{
-    geometry::Rect,
     las::PointCounts,
     lloyd::Thinning,
     tiling::{Bounds, CellGrid, CellKey, SQUARES_PER_CELL_EDGE},
@@ -39,8 +39,15 @@ pub struct Spill {
 pub(super) enum Place {
     /// In memory, by cell.
     Memory(BTreeMap<CellKey, CellPoints>),
-    /// In the files at these paths; [`Chunk::file`] is an index into them.
-    Files(Vec<PathBuf>),
+    /// In these files.
+    Files(Vec<SpillFile>),
+}
+
+/// A file of a spill.
+#[derive(Debug)]
+pub(super) struct SpillFile {
+    pub(super) path: PathBuf,
+    pub(super) chunks: ChunkTable,
 }
 
 impl Spill {
@@ -69,17 +76,18 @@ impl Spill {
     /// was written, if they were not begun with the same grid, or if `stems` is empty.
     pub(crate) fn join(stems: &[PathBuf]) -> Result<Self, TileError> {
         let mut joined: Option<SpillIndex> = None;
-        for (file, stem) in (0..).zip(stems) {
-            let index = Self::index(stem)?;
+        let mut files = Vec::with_capacity(stems.len());
+        for stem in stems {
+            let (index, file) = Self::open_file(stem)?;
+            files.push(file);
             joined = Some(match joined {
                 None => index,
                 Some(before) => before
-                    .join(index, file)
+                    .join(index)
                     .ok_or_else(|| TileError::damaged(&index_path(stem)))?,
             });
         }
         let index = joined.ok_or_else(|| TileError::damaged(Path::new("the spill")))?;
-        let files = stems.iter().map(|stem| spill_path(stem)).collect();
         Ok(Self::of(Place::Files(files), index))
     }
 
@@ -109,9 +117,9 @@ impl Spill {
     }
 
     /// Reads the index of the spill at `stem`, and checks the length of its records.
-    fn index(stem: &Path) -> Result<SpillIndex, TileError> {
+    fn open_file(stem: &Path) -> Result<(SpillIndex, SpillFile), TileError> {
         let index_path = index_path(stem);
-        let index =
+        let (index, chunks) =
             SpillIndex::read(&index_path)?.ok_or_else(|| TileError::damaged(&index_path))?;
         let path = spill_path(stem);
         // The file is opened, because a network file system may know the length by the name only
@@ -119,7 +127,7 @@ impl Spill {
         let length = File::open(&path).and_then(|file| file.metadata());
         let length = length.map_err(|source| TileError::io("read", &path, source))?;
         match length.len() == index.bytes {
-            true => Ok(index),
+            true => Ok((index, SpillFile { path, chunks })),
             false => Err(TileError::damaged(&path)),
         }
     }
@@ -140,7 +148,7 @@ impl Spill {
         let Place::Files(files) = self.place else {
             return;
         };
-        for path in files {
+        for SpillFile { path, .. } in files {
             drop(std::fs::remove_file(path.with_extension("index")));
             drop(std::fs::remove_file(path));
         }
@@ -153,19 +161,14 @@ impl Spill {
 
     /// The number of values that are kept: records, and sums of points without records.
     pub(crate) fn values(&self) -> u64 {
-        let length = self.record_length() as u64;
         match &self.place {
             Place::Memory(cells) => {
+                let length = self.record_length() as u64;
                 let values =
                     |cell: &CellPoints| cell.records.len() as u64 / length + cell.sums.len() as u64;
                 cells.values().map(values).sum()
             }
-            Place::Files(_) => {
-                let chunks = self.index.chunks.iter();
-                chunks
-                    .map(|chunk| chunk.records / length + chunk.sums)
-                    .sum()
-            }
+            Place::Files(_) => self.index.values,
         }
     }
 
@@ -228,18 +231,5 @@ impl Spill {
                     )
                 })
         })
-    }
-
-    /// The chunks of the cells that intersect `rect`, in the order of the files.
-    pub(super) fn chunks(&self, rect: &Rect) -> Vec<Chunk> {
-        let mut chunks: Vec<Chunk> = self
-            .index
-            .chunks
-            .iter()
-            .filter(|chunk| self.index.grid.rect(chunk.cell).intersects(rect))
-            .copied()
-            .collect();
-        chunks.sort_unstable_by_key(|chunk| (chunk.file, chunk.offset));
-        chunks
     }
 }

@@ -19,9 +19,10 @@ use rayon::prelude::*;
 use super::{
     batch::{Batch, CellOfBatch},
     cell_points::CellPoints,
+    chunk_table::Chunk,
     error::TileError,
     spill::Spill,
-    spill_index::{Chunk, SourceProgress, SpillIndex, checkpoint_path, index_path, spill_path},
+    spill_index::{SourceProgress, SpillIndex, checkpoint_path, index_path, spill_path},
     storage::Storage,
 };
 use crate::tiling::{CellGrid, CellKey};
@@ -53,10 +54,11 @@ pub(super) struct SpillAppender {
     /// The path of the spill's files, without their extensions.
     stem: PathBuf,
     /// The file of the points; `None` as long as they have room in memory.
-    file: Option<SpillFile>,
-    /// The chunks that are in the file, and the counts and bounds of all points, including
-    /// those in the buffers.
+    file: Option<GrowingFile>,
+    /// The counts and bounds of all points, including those in the buffers.
     index: SpillIndex,
+    /// The chunks that are in the file.
+    chunks: Vec<Chunk>,
     options: AppendOptions,
     /// The points that are not in the file as yet, for each cell that has a buffer.
     buffers: HashMap<CellKey, Buffer>,
@@ -68,7 +70,7 @@ pub(super) struct SpillAppender {
 }
 
 /// The file of a spill that grows.
-struct SpillFile {
+struct GrowingFile {
     path: PathBuf,
     file: File,
 }
@@ -81,7 +83,7 @@ struct Buffer {
     thinned_bytes: usize,
 }
 
-impl SpillFile {
+impl GrowingFile {
     /// Opens the file at `path`, or makes one, and cuts off what follows its first `bytes`.
     fn open(path: PathBuf, bytes: u64) -> Result<Self, TileError> {
         let open = || -> io::Result<File> {
@@ -115,17 +117,21 @@ impl SpillAppender {
     ) -> Result<Self, TileError> {
         let found = checkpoint(stem, options, sources);
         let is_in_memory = found.is_none() && options.storage.memory_bytes > 0;
-        let index =
-            found.unwrap_or_else(|| SpillIndex::empty(grid, options.record_length, sources));
+        let nothing = || {
+            let index = SpillIndex::empty(grid, options.record_length, sources);
+            (index, Vec::new())
+        };
+        let (index, chunks) = found.unwrap_or_else(nothing);
         // What follows the checkpoint is cut off: those records are scattered again.
         let file = match is_in_memory {
             true => None,
-            false => Some(SpillFile::open(spill_path(stem), index.bytes)?),
+            false => Some(GrowingFile::open(spill_path(stem), index.bytes)?),
         };
         Ok(Self {
             stem: stem.to_owned(),
             file,
             index,
+            chunks,
             options: *options,
             buffers: HashMap::new(),
             max_buffers: (options.buffer_bytes / BUFFER_BYTES).max(MIN_BUFFERS),
@@ -167,7 +173,8 @@ impl SpillAppender {
         self.since_checkpoint += batch.bytes_read as u64;
         if self.file.is_some() && self.since_checkpoint >= self.options.checkpoint_bytes {
             self.flush_all()?;
-            self.index.write(&checkpoint_path(&self.stem))?;
+            let path = checkpoint_path(&self.stem);
+            self.index.write(&path, &mut self.chunks)?;
             self.since_checkpoint = 0;
         }
         Ok(())
@@ -177,7 +184,8 @@ impl SpillAppender {
     pub(super) fn finish(mut self) -> Result<Spill, TileError> {
         if self.file.is_some() {
             self.flush_all()?;
-            self.index.write(&index_path(&self.stem))?;
+            let path = index_path(&self.stem);
+            self.index.write(&path, &mut self.chunks)?;
             drop(fs::remove_file(checkpoint_path(&self.stem)));
             return Spill::open(&self.stem);
         }
@@ -217,7 +225,7 @@ impl SpillAppender {
         if self.buffered as f64 <= LARGEST_SHARE_LEFT * most as f64 {
             return Ok(());
         }
-        self.file = Some(SpillFile::open(spill_path(&self.stem), 0)?);
+        self.file = Some(GrowingFile::open(spill_path(&self.stem), 0)?);
         self.flush_all()
     }
 
@@ -246,6 +254,9 @@ impl SpillAppender {
             self.flush_all()?;
         }
         self.index.coarsen();
+        for chunk in &mut self.chunks {
+            chunk.cell = chunk.cell.parent();
+        }
         for (cell, finer) in std::mem::take(&mut self.buffers) {
             let buffer = self.buffers.entry(cell.parent()).or_default();
             let CellPoints { records, sums } = &finer.points;
@@ -303,7 +314,6 @@ impl SpillAppender {
         let CellPoints { mut records, sums } = buffer.points;
         let chunk = Chunk {
             cell,
-            file: 0,
             offset: self.index.bytes,
             records: records.len() as u64,
             sums: sums.len() as u64,
@@ -313,8 +323,8 @@ impl SpillAppender {
             .file
             .write_all(&records)
             .map_err(|source| TileError::io("write to", &spill.path, source))?;
-        self.index.bytes = chunk.end();
-        self.index.chunks.push(chunk);
+        self.index.add_chunk(&chunk);
+        self.chunks.push(chunk);
         Ok(())
     }
 
@@ -326,7 +336,7 @@ impl SpillAppender {
             self.flush(cell)?;
         }
         match &self.file {
-            Some(SpillFile { path, file }) => file
+            Some(GrowingFile { path, file }) => file
                 .sync_all()
                 .map_err(|source| TileError::io("flush", path, source)),
             None => Ok(()),
@@ -344,9 +354,14 @@ impl Buffer {
 
 /// Reads the last checkpoint at `stem`; `None` if there is none, if it belongs to another scatter,
 /// or if the file is shorter than the checkpoint says.
-fn checkpoint(stem: &Path, options: &AppendOptions, sources: usize) -> Option<SpillIndex> {
-    let index = SpillIndex::read(&checkpoint_path(stem)).ok()??;
+fn checkpoint(
+    stem: &Path,
+    options: &AppendOptions,
+    sources: usize,
+) -> Option<(SpillIndex, Vec<Chunk>)> {
+    let (index, table) = SpillIndex::read(&checkpoint_path(stem)).ok()??;
+    let chunks = table.all_chunks().ok()?;
     let length = fs::metadata(spill_path(stem)).ok()?.len();
     let is_same = index.record_length == options.record_length && index.sources.len() == sources;
-    (is_same && length >= index.bytes).then_some(index)
+    (is_same && length >= index.bytes).then_some((index, chunks))
 }

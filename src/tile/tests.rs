@@ -201,15 +201,25 @@ fn a_damaged_index_and_a_cut_spill_are_refused_by_name() {
     drop(spilled(&records(500, 100), 50, 1, dir.path()));
     let index = dir.path().join("spill.index");
     let good = std::fs::read(&index).unwrap();
-    for at in (0..good.len()).step_by(13) {
+    // Where the chunks of a cell lie is read, and checked, when it is needed.
+    let open_and_read = || {
+        let everywhere = Rect {
+            min: [-200; 2],
+            max: [200; 2],
+        };
+        Spill::open(&dir.path().join("spill"))?.gather(&everywhere, |_| ())
+    };
+    open_and_read().unwrap();
+    for at in (0..good.len()).step_by(13).chain([good.len() - 1]) {
         let mut bad = good.clone();
         bad[at] ^= 1;
         std::fs::write(&index, bad).unwrap();
-        let error = Spill::open(&dir.path().join("spill"))
-            .unwrap_err()
-            .to_string();
+        let error = open_and_read().unwrap_err().to_string();
         assert!(error.contains("spill.index"), "{error}");
     }
+    std::fs::write(&index, &good[..good.len() - 1]).unwrap();
+    let error = open_and_read().unwrap_err().to_string();
+    assert!(error.contains("spill.index"), "{error}");
     std::fs::write(&index, &good).unwrap();
     let bin = dir.path().join("spill.bin");
     let cut = std::fs::read(&bin).unwrap();
