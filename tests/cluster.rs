@@ -107,6 +107,14 @@ fn a_stitch_is_shared_and_one_of_those_who_stitch_dies() {
     dies.wait().unwrap();
     // Another one has claimed a part of the sorting, and has died long ago.
     fs::write(job.join("sorted-0-0.bin"), "not all of it").unwrap();
+    let status = well(&["status", text(&job)]);
+    let [settled, sorted] = ["settled", "sorted"].map(|work| {
+        let mut lines = status.lines().skip_while(|line| !line.ends_with(work));
+        [lines.next(), lines.next()].map(|line| line.unwrap_or_default().to_owned())
+    });
+    assert!(settled[0].starts_with("stitch: "), "{status}");
+    assert!(sorted[0].starts_with("stitch: 0 of "), "{status}");
+    assert!(sorted[1].contains("group [0]: attempt 1"), "{status}");
     let mut helps = stitch(&["--shard", "1/2"]);
     let mut completes = stitch(&[]);
     for process in [&mut completes, &mut helps] {

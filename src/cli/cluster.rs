@@ -18,7 +18,7 @@ use super::{
 };
 use crate::{
     config::Bytes,
-    job::{JobDescription, JobError, JobStatus, Worker},
+    job::{ClaimedGroup, JobDescription, JobError, JobStatus, Worker},
     report::thousands,
 };
 
@@ -172,7 +172,18 @@ pub(super) fn print_status(dir: &Path, json: bool) -> Result<u8, JobError> {
             "tiles"
         }
     };
-    for group in &status.claimed {
+    print_claimed(members, &status.claimed);
+    for work in &status.stitch {
+        let ([complete, all], name) = (work.groups, &work.work);
+        result!("stitch: {complete} of {all} groups {name}");
+        print_claimed("group", &work.claimed);
+    }
+    Ok(DONE)
+}
+
+/// Prints the groups with these `members` on which processes are at work.
+fn print_claimed(members: &str, claimed: &[ClaimedGroup]) {
+    for group in claimed {
         result!(
             "  {members} {:?}: attempt {}, last heartbeat {:.0} s ago",
             group.members,
@@ -180,7 +191,6 @@ pub(super) fn print_status(dir: &Path, json: bool) -> Result<u8, JobError> {
             group.silent_seconds
         );
     }
-    Ok(DONE)
 }
 
 /// Prints the time limit of each of `tasks` tasks with `cores` cores, in minutes.

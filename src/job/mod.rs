@@ -34,7 +34,7 @@ mod run;
 mod stages;
 mod tile_figures;
 
-pub(crate) use cluster::{JobStatus, Worker};
+pub(crate) use cluster::{ClaimedGroup, JobStatus, Worker};
 pub(crate) use description::{JobDescription, memory_budget};
 pub(crate) use directory::write_file;
 pub use error::JobError;

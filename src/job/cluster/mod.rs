@@ -23,5 +23,5 @@ mod worker;
 pub(super) use claims::{AttemptState, Claim, GROUP_LIMIT, WorkKind};
 pub(super) use group_files::files_of_others;
 pub(super) use shared_stitch::SharedStitch;
-pub(crate) use status::JobStatus;
+pub(crate) use status::{ClaimedGroup, JobStatus};
 pub(crate) use worker::Worker;

@@ -10,9 +10,12 @@
 //! and writes the report.
 
 use std::{
+    borrow::Cow,
+    collections::HashMap,
+    fs,
     path::{Path, PathBuf},
     sync::atomic::{AtomicBool, Ordering::Relaxed},
-    time::UNIX_EPOCH,
+    time::{SystemTime, UNIX_EPOCH},
 };
 
 use super::{
@@ -38,6 +41,13 @@ use crate::{
 
 /// The number of groups in which the pieces of a work are claimed, at most.
 const MOST_GROUPS: usize = 64;
+
+/// The work of sorting the records of tiles by position.
+const SORTING: WorkKind = WorkKind {
+    prefix: Cow::Borrowed(SORTED),
+    claim_extension: "bin",
+    complete_extension: "index",
+};
 
 /// The processes that stitch a job together, as one of them sees them.
 pub(crate) struct SharedStitch<'a> {
@@ -73,6 +83,63 @@ impl Groups {
     fn members(self, group: usize) -> std::ops::Range<usize> {
         let first = group * self.per_group;
         first..(first + self.per_group).min(self.count)
+    }
+}
+
+/// The kind of a work in pieces whose files have names that begin with `prefix`.
+fn pieces_of(prefix: String) -> WorkKind {
+    WorkKind {
+        prefix: prefix.into(),
+        claim_extension: "pieces",
+        complete_extension: "complete",
+    }
+}
+
+/// Lists the works of the stitch of `tiles` tiles that processes have begun in `dir`, in the order in which they did, with
+/// the number of groups of each.
+///
+/// # Errors
+///
+/// [`JobError::Io`] if `dir` cannot be read.
+pub(super) fn works_begun(dir: &Path, tiles: usize) -> Result<Vec<(WorkKind, usize)>, JobError> {
+    let mut begun: HashMap<String, (SystemTime, usize)> = HashMap::new();
+    for entry in fs::read_dir(dir).map_err(|e| JobError::io("read", dir, e))? {
+        let entry = entry.map_err(|e| JobError::io("read", dir, e))?;
+        let name = entry.file_name();
+        let found = name.to_str().and_then(|name| prefix_and_count(name, tiles));
+        // A file that has gone meanwhile belongs to a stitch that is over.
+        let modified = entry.metadata().and_then(|metadata| metadata.modified());
+        if let (Some((prefix, count)), Ok(modified)) = (found, modified) {
+            let (first, _) = begun.entry(prefix).or_insert((modified, count));
+            *first = modified.min(*first);
+        }
+    }
+    let mut works: Vec<_> = begun.into_iter().collect();
+    works.sort_unstable_by(|(a, (first_of_a, _)), (b, (first_of_b, _))| {
+        (first_of_a, a).cmp(&(first_of_b, b))
+    });
+    let work = |(prefix, (_, count)): (String, _)| {
+        let kind = if prefix == SORTED {
+            SORTING
+        } else {
+            pieces_of(prefix)
+        };
+        (kind, Groups::of(count).len())
+    };
+    Ok(works.into_iter().map(work).collect())
+}
+
+/// The prefix of the work, and the number of its pieces, in whose files one with this `name` is; `None` if it is none of them.
+fn prefix_and_count(name: &str, tiles: usize) -> Option<(String, usize)> {
+    let (stem, extension) = name.rsplit_once('.')?;
+    let (rest, attempt) = stem.rsplit_once('-')?;
+    let (prefix, group) = rest.rsplit_once('-')?;
+    attempt.parse::<u32>().ok()?;
+    group.parse::<usize>().ok()?;
+    match extension {
+        "pieces" => Some((prefix.to_owned(), prefix.rsplit_once('-')?.1.parse().ok()?)),
+        "bin" if prefix == SORTED => Some((prefix.to_owned(), tiles)),
+        _ => None,
     }
 }
 
@@ -132,12 +199,8 @@ impl<'a> SharedStitch<'a> {
         is_awaited: bool,
         make: &mut MakePiece<'_>,
     ) -> Result<(WorkKind, Groups), JobError> {
-        let kind = WorkKind {
-            // Processes that divide the work differently have different files.
-            prefix: format!("{name}-{count}").into(),
-            claim_extension: "pieces",
-            complete_extension: "complete",
-        };
+        // Processes that divide the work differently have different files.
+        let kind = pieces_of(format!("{name}-{count}"));
         let groups = Groups::of(count);
         self.share(&kind, groups, is_awaited, |claim| {
             let mut file = BlockFile::create(&claim.path())?;
@@ -219,18 +282,13 @@ impl Stitchers for SharedStitch<'_> {
         tiles: usize,
         read: &mut ReadTile<'_>,
     ) -> Result<Box<dyn SortedRecords>, JobError> {
-        let kind = WorkKind {
-            prefix: SORTED.into(),
-            claim_extension: "bin",
-            complete_extension: "index",
-        };
         let (space, groups) = (self.space(sorting.buffer_bytes), Groups::of(tiles));
-        self.share(&kind, groups, true, |claim| {
+        self.share(&SORTING, groups, true, |claim| {
             let name = claim.stem.file_name().unwrap_or_default();
             let tiles = groups.members(claim.group);
             sort_in(&*space, &name.to_string_lossy(), sorting, tiles, read).map(drop)
         })?;
-        let claims = self.complete_claims(&kind, groups)?;
+        let claims = self.complete_claims(&SORTING, groups)?;
         let stems: Vec<_> = claims.into_iter().map(|claim| claim.stem).collect();
         Ok(Box::new(Spill::join(&stems)?))
     }

@@ -5,9 +5,10 @@ use std::{fs, path::Path};
 use serde::Serialize;
 
 use super::{
-    claims::{AttemptState, Claim},
+    claims::{AttemptState, Claim, WorkKind},
     group_files::{STARTS, TILES, block_files_of},
     handover::Handover,
+    shared_stitch::works_begun,
     tile_groups::groups,
     worker::HEARTBEAT_INTERVAL,
 };
@@ -49,12 +50,26 @@ pub(crate) struct JobStatus {
     /// works, or no tile is solved as yet.
     #[serde(rename = "seconds")]
     pub(crate) remaining_seconds: Option<f64>,
+    /// The works of the stitch that processes have begun together, in their order.
+    pub(crate) stitch: Vec<StitchWork>,
+}
+
+/// How far a work of the stitch is.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct StitchWork {
+    /// What becomes of its pieces: `settled`, `measured`, `sorted`.
+    pub(crate) work: String,
+    /// The number of groups of pieces that are complete, and of all groups.
+    pub(crate) groups: [u64; 2],
+    /// The groups that a process has claimed and not completed.
+    #[serde(rename = "begun")]
+    pub(crate) claimed: Vec<ClaimedGroup>,
 }
 
 /// A group that a process has claimed and not completed.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct ClaimedGroup {
-    /// The number of the group of scans, or the numbers of the group's tiles.
+    /// The number of the group of scans or of pieces, or the numbers of the group's tiles.
     pub(crate) members: Vec<u32>,
     /// The number of the attempt, from 1.
     pub(crate) attempt: u32,
@@ -78,12 +93,7 @@ impl JobStatus {
 
     fn of_scattering(dir: &Path, count: usize) -> Result<Self, JobError> {
         let claims = Claim::all(&POINTS, dir)?;
-        let is_complete = |group| {
-            let of_group = |c: &&Claim| c.group == group;
-            let complete = |c: &Claim| c.state == AttemptState::Complete;
-            claims.iter().filter(of_group).any(complete)
-        };
-        let complete = (0..count).filter(|&group| is_complete(group)).count();
+        let complete = Claim::all_complete(&POINTS, dir)?.len();
         Ok(Self {
             scattered: Some([complete as u64, count as u64]),
             tiles: 0,
@@ -92,6 +102,7 @@ impl JobStatus {
             share: complete as f64 / count as f64,
             claimed: claimed(&claims, |group| vec![group as u32]),
             remaining_seconds: None,
+            stitch: Vec::new(),
         })
     }
 
@@ -134,6 +145,7 @@ impl JobStatus {
             share: cost_done as f64 / cost as f64,
             claimed,
             remaining_seconds: remaining.is_finite().then_some(remaining),
+            stitch: stitch(dir, plan.tiles.len())?,
         })
     }
 
@@ -156,6 +168,22 @@ impl JobStatus {
         let seconds = seconds_of_a_core / f64::from(cores) * share.max(1.0 / f64::from(tasks));
         Ok((TIME_LIMIT_FACTOR * seconds / 60.0).ceil() as u64 + SPARE_MINUTES)
     }
+}
+
+/// Lists the works of the stitch of `tiles` tiles that processes have begun in `dir`.
+fn stitch(dir: &Path, tiles: usize) -> Result<Vec<StitchWork>, JobError> {
+    let status = |(kind, count): (WorkKind, usize)| {
+        let claims = Claim::all(&kind, dir)?;
+        let complete = Claim::all_complete(&kind, dir)?.len();
+        // The number of pieces, which the names of files have, says nothing to who asks.
+        let name = kind.prefix.trim_end_matches(|c: char| c.is_ascii_digit());
+        Ok(StitchWork {
+            work: name.trim_end_matches('-').to_owned(),
+            groups: [complete as u64, count as u64],
+            claimed: claimed(&claims, |group| vec![group as u32]),
+        })
+    };
+    works_begun(dir, tiles)?.into_iter().map(status).collect()
 }
 
 /// Lists the latest attempts of `claims` at groups that are not complete; `members` returns what
