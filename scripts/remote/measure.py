@@ -20,6 +20,7 @@ import boto3
 
 HERE = Path(__file__).parent
 RATE, LATENCY, REPEATS = 100.0, 50.0, 3
+MEMORY = 256 << 20
 MOST_BYTES, MOST_TIME, PIECE = 1.1, 1.3, 16 << 10
 SECRET = "h1dden-word"
 
@@ -46,19 +47,43 @@ class Served:
         self.process.wait()
 
 
-def run(program, work, scan, output, options, environment=None):
-    """Seconds of a job, and what it prints. Job directories of outputs in a store lie in `work`."""
-    began = time.monotonic()
-    done = subprocess.run(
+def begin(program, work, scan, output, options, environment=None):
+    """A job at work. Job directories of outputs in a store lie in `work`."""
+    return subprocess.Popen(
         [program, "run", str(scan), "-o", str(output), "--overwrite", *options],
-        capture_output=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
         text=True,
         cwd=work,
         env={**os.environ, "SOURCE_DATE_EPOCH": "1700000000", **(environment or {})},
     )
-    if done.returncode:
-        sys.exit(f"{scan}: {done.stderr}")
-    return time.monotonic() - began, done.stdout + done.stderr
+
+
+def run(*job):
+    """Seconds of a job, and what it prints."""
+    began = time.monotonic()
+    process = begin(*job)
+    said, _ = process.communicate()
+    if process.returncode:
+        sys.exit(f"{process.args}: {said}")
+    return time.monotonic() - began, said
+
+
+def killed(seconds, *job):
+    """Kills a job that takes so many seconds three times, and lets it end; its peak memory, in bytes."""
+    peak = 0
+    for share in (0.2, 0.5, 0.8, None):
+        process = begin(*job)
+        if share:
+            time.sleep(share * seconds)
+            process.kill()
+        said = process.stdout.read()
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        peak = max(peak, used.ru_maxrss << 10)
+    if process.returncode:
+        sys.exit(f"{process.args}, killed before: {said}")
+    return peak
 
 
 def nodes(path, sides):
@@ -91,7 +116,7 @@ def quarter(program, scan):
 def jobs(program, scans):
     """Each input with the options of its jobs and the bytes that it needs: of points, and of everything else."""
     for scan in scans:
-        count = ["--spacing", "0.5", "--iterations", "5"]
+        count = ["--spacing", "0.5", "--iterations", "5", "--memory", f"{MEMORY >> 20}MiB"]
         yield scan, scan.name, count, scan.stat().st_size, 0
         if scan.name.endswith(".copc.laz"):
             sides = quarter(program, scan)
@@ -112,8 +137,8 @@ def main(program, work):
             print(f"{name}: the bytes differ")
             good = False
 
-    print(f"| input | needed, MB | sent / needed | requests | with errors | local, s | transfer, s | {LATENCY:.0f} ms, {RATE:.0f} MB/s, s | ratio |")
-    print("| --- " * 9 + "|")
+    print(f"| input | needed, MB | sent / needed | requests | with errors | killed, peak MiB | local, s | transfer, s | {LATENCY:.0f} ms, {RATE:.0f} MB/s, s | ratio |")
+    print("| --- " * 10 + "|")
     with (
         Served(work / "scans", "--faults", 0.2) as faulty,
         Served(work / "scans", "--latency", LATENCY, "--rate", RATE) as slow,
@@ -128,15 +153,20 @@ def main(program, work):
                 there.append(run(program, work, f"{slow.address}/{scan.name}", remote, options)[0])
                 same(name)
                 requests, sent = slow.sent()
+            remote.unlink()
+            job = (program, work, f"{slow.address}/{scan.name}", remote, options)
+            peak = killed(statistics.median(there), *job)
+            same(f"{name}, killed")
+            slow.sent()
             transfer = sent / RATE / 1e6
             ratio = statistics.median(there) / max(transfer, statistics.median(here))
             beyond = (sent - beside - 3 * PIECE) / points
             print(
-                f"| {name} | {points / 1e6:.2f} | {sent / (points + beside):.3f} | {requests} | {failed} "
+                f"| {name} | {points / 1e6:.2f} | {sent / (points + beside):.3f} | {requests} | {failed} | {peak / 2**20:.0f} "
                 f"| {statistics.median(here):.2f} | {transfer:.2f} | {statistics.median(there):.2f} | {ratio:.2f} |",
                 flush=True,
             )
-            good &= beyond <= MOST_BYTES and ratio <= MOST_TIME
+            good &= beyond <= MOST_BYTES and ratio <= MOST_TIME and peak <= MEMORY
     good &= store(program, work, scans)
     if not good:
         sys.exit("a bar is not met")
