@@ -129,3 +129,51 @@ fn a_progressive_order_is_refused_where_there_is_another_and_the_remedy_is_named
     assert!(said(&path("a.copc.laz"), &[]).contains("levels without it"));
     assert!(said(&path("a"), &["--output-tiles", "20"]).contains("--output-tiles"));
 }
+
+/// The points read of an octree, and the least evenness, of a coarse cloud of all levels and of the upper ones.
+#[test]
+fn a_coarse_cloud_needs_the_upper_levels_of_an_octree_only() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = street(dir.path());
+    let octree = dir.path().join("octree.copc.laz");
+    succeed(&scans, &octree, &["--spacing", "0.12", "--iterations", "0"]);
+    let coarse = |name: &str, more: &[&str]| {
+        let output = dir.path().join(name);
+        succeed(&octree, &output, &[&["--spacing", "4"][..], more].concat());
+        let report = report(&output);
+        let read = report["inputs"][0]["read"].as_u64().unwrap();
+        let notes = report["notes"].to_string();
+        assert_eq!(
+            notes.contains("upper levels"),
+            more.contains(&"auto"),
+            "{notes}"
+        );
+        (
+            output,
+            read,
+            report["uniformity"]["delta"].as_f64().unwrap(),
+        )
+    };
+    let auto = ["--levels", "auto"];
+    let (_, all, even) = coarse("all.laz", &[]);
+    let (upper, read, as_even) = coarse("upper.laz", &auto);
+    let (tiled, ..) = coarse("tiled.laz", &[&auto[..], &["--tile-size", "30"]].concat());
+    assert!(read < all / 3, "{read} of {all}");
+    assert!(as_even < 1.3 * even, "{as_even}, {even}");
+    assert!(points(&tiled) == points(&upper));
+    // A spacing for which no level is fine enough takes all.
+    let output = dir.path().join("fine.laz");
+    succeed(
+        &octree,
+        &output,
+        &["--spacing", "0.3", "--levels", "auto", "--iterations", "0"],
+    );
+    assert_eq!(report(&output)["inputs"][0]["read"].as_u64(), Some(all));
+    let refused = run(
+        &octree,
+        &output,
+        &["--count", "1000", "--levels", "auto", "--overwrite"],
+    );
+    let problem = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(problem.contains("give --spacing"), "{problem}");
+}

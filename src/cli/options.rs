@@ -14,7 +14,7 @@ use crate::{
         Places, Share, Sides,
     },
     geometry::PatchKind,
-    las::{PcdEncoding, PointOrder, ReprojectionTarget, TileFormat},
+    las::{OctreeLevels, PcdEncoding, PointOrder, ReprojectionTarget, TileFormat},
     lloyd::{Acceleration, EdgeRule, IsolatedRule, SeedRule},
     mesh::MeshedPoints,
 };
@@ -172,6 +172,10 @@ struct InputOptions {
     /// lengths, --bounds and --polygon are in it [default: the one that the inputs have]
     #[arg(long, value_name = "CRS")]
     reproject: Option<ReprojectionTarget>,
+    /// Levels of octrees (COPC) that are read: all, or auto, the upper ones that are dense enough for the spacing
+    /// [default: all]
+    #[arg(long, value_name = "LEVELS", value_parser = by_name::<OctreeLevels>)]
+    levels: Option<OctreeLevels>,
     /// What to do with inputs that cannot be read: stop, or skip them and say so in
     /// the report [default: stop]
     #[arg(long, value_name = "POLICY", value_parser = by_name::<OnBadFile>)]

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     geometry::PatchKind,
-    las::{PcdEncoding, PointOrder, ReprojectionTarget, TileFormat},
+    las::{OctreeLevels, PcdEncoding, PointOrder, ReprojectionTarget, TileFormat},
     lloyd::{Acceleration, EdgeRule, IsolatedRule, SeedRule},
     mesh::MeshedPoints,
 };
@@ -115,6 +115,8 @@ pub(crate) struct Choices {
     pub(crate) crs: Option<String>,
     /// The CRS to which the inputs are reprojected.
     pub(crate) reproject: Option<ReprojectionTarget>,
+    /// Which levels of octrees are read.
+    pub(crate) levels: Option<OctreeLevels>,
     /// Where colour, near infrared and intensity are taken from.
     pub(crate) color: Option<ColorRule>,
     /// Where the class is taken from.

@@ -16,7 +16,10 @@ use super::{
     },
 };
 use crate::{
-    las::{Crs, PcdOptions, PcdOrigin, PointFilter, PointOrder, PolygonFilter, TileFormat},
+    las::{
+        Crs, OctreeLevels, PcdOptions, PcdOrigin, PointFilter, PointOrder, PolygonFilter,
+        TileFormat,
+    },
     lloyd::{Restriction, SolverSettings},
 };
 
@@ -77,6 +80,7 @@ impl Choices {
                 filter: self.filter()?,
                 crs: self.crs()?,
                 reproject: self.reproject,
+                levels: self.levels()?,
             },
             attributes: self.attributes(),
             mesh: self.mesh_settings()?,
@@ -153,6 +157,15 @@ impl Choices {
             bounds: self.bounds.map(|sides| sides.0),
             polygons: self.polygon.as_ref().map(ground).transpose()?,
         })
+    }
+
+    fn levels(&self) -> Result<OctreeLevels, ConfigError> {
+        match (self.levels.unwrap_or_default(), self.spacing) {
+            (OctreeLevels::Auto, None) => Err(ConfigError::Words(
+                "--levels auto goes by the spacing; give --spacing in place of --count or --ratio, or leave it out".into(),
+            )),
+            (levels, _) => Ok(levels),
+        }
     }
 
     /// Returns the CRS that is given for all inputs, if one is.

@@ -9,7 +9,7 @@ use super::{
     rules::{ClassRule, ColorRule, Computed},
 };
 use crate::{
-    las::{Crs, PcdOptions, PointFilter, PointOrder, ReprojectionTarget, TileFormat},
+    las::{Crs, OctreeLevels, PcdOptions, PointFilter, PointOrder, ReprojectionTarget, TileFormat},
     lloyd::{SolverSettings, WantedCount},
     mesh::MeshedPoints,
     spacing::Target,
@@ -94,6 +94,9 @@ pub(crate) struct InputSettings {
     /// The CRS to which the inputs are reprojected; `None` stands for their own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) reproject: Option<ReprojectionTarget>,
+    /// Which levels of octrees are read.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub(crate) levels: OctreeLevels,
 }
 
 /// Which attributes the points of the output have.

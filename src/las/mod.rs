@@ -33,6 +33,7 @@ pub(crate) use read::{
     input::InputFile,
     line_filter::LineFilter,
     list::read_list,
+    octree_nodes::OctreeLevels,
     point_filter::PointFilter,
     polygon_filter::PolygonFilter,
     stream::PointStream,

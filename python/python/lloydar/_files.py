@@ -70,6 +70,7 @@ class JobOptions(TypedDict, total=False):
     polygon: PathLike | None
     crs: str | PathLike | None
     reproject: str | None
+    levels: Literal["all", "auto"] | None
     on_bad_file: Literal["stop", "skip"] | None
     color: Literal["nearest", "mean"] | None
     #: "class" is a word of Python: the option --class has this name.
@@ -161,6 +162,8 @@ def run(
     reproject : str, optional
         The CRS to which inputs are reprojected as they are read: ``"EPSG:32633"``, or ``"auto"`` for the UTM zone of
         their middle. Lengths, `bounds` and `polygon` are in it.
+    levels : {"all", "auto"}, optional
+        Levels of octrees (COPC) that are read; auto: the upper ones that are dense enough for the spacing.
     on_bad_file : {"stop", "skip"}, optional
         What to do with inputs that cannot be read.
     color : {"nearest", "mean"}, optional

@@ -7,7 +7,10 @@ use crate::{
     config::Settings,
     geometry::Quantization,
     job::error::{JobError, LeftOut},
-    las::{Crs, InputFile, PointFilter, RecordFormat, ReprojectionTarget, Vlr, expand_inputs},
+    las::{
+        Crs, InputFile, OctreeLevels, PointFilter, RecordFormat, ReprojectionTarget, Vlr,
+        expand_inputs,
+    },
     spacing::Target,
 };
 
@@ -43,7 +46,19 @@ struct Requested {
     crs: Option<Crs>,
     /// The CRS to which they are reprojected.
     reproject: Option<ReprojectionTarget>,
+    /// Which levels of octrees are read.
+    levels: OctreeLevels,
     filter: PointFilter,
+}
+
+impl Requested {
+    /// The finest spacing of the output (CRS units); `None` if it follows from a count.
+    fn finest_spacing(&self) -> Option<f64> {
+        match self.target {
+            Target::Spacing(coarsest) => Some(self.finest * coarsest),
+            Target::Count(_) | Target::Ratio(_) => None,
+        }
+    }
 }
 
 impl Survey {
@@ -89,6 +104,7 @@ impl Survey {
                 .map_or(1.0, |grading| grading.finest),
             crs: settings.input.crs.clone(),
             reproject: settings.input.reproject,
+            levels: settings.input.levels,
             filter: settings.input.filter.clone(),
         };
         Self::merge(inputs, left_out, requested)
@@ -130,6 +146,10 @@ impl Survey {
         }
         if let Some(target) = requested.reproject {
             inputs = reprojected(inputs, target)?;
+        }
+        let finest = requested.levels.finest_spacing(requested.finest_spacing());
+        for input in &mut inputs {
+            input.finest_spacing = finest;
         }
         let problems = differences(&inputs);
         if !problems.is_empty() {
@@ -198,7 +218,7 @@ impl Survey {
 fn notes(inputs: &[InputFile], left_out: &[LeftOut], crs: Option<&Crs>) -> Vec<String> {
     let of_input = |input: &InputFile| {
         let path = input.path.display().to_string();
-        let notes = input.notes.iter();
+        let notes = input.notes.iter().cloned().chain(input.note_on_levels());
         let notes: Vec<String> = notes.map(|note| format!("{path}: {note}")).collect();
         notes
     };

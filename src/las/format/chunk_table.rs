@@ -43,6 +43,8 @@ pub(in crate::las) struct Chunk {
     /// The rectangle in which the points lie, if it is known: least and greatest x and y, in
     /// world coordinates.
     pub(in crate::las) rectangle: Option<[[f64; 2]; 2]>,
+    /// If the chunk is a node of an octree with nodes above it, the distance between the points of all levels above (CRS units).
+    pub(in crate::las) spacing_above: Option<f64>,
 }
 
 /// What is known of the chunks of a file.
@@ -319,6 +321,7 @@ impl CompressedPoints {
                     false => self.chunk_size.min(left),
                 },
                 rectangle: None,
+                spacing_above: None,
             };
             let next = offset
                 .checked_add(chunk.bytes)
@@ -363,6 +366,7 @@ impl CompressedPoints {
                     bytes: head.end - offset,
                     points: head.points,
                     rectangle: None,
+                    spacing_above: None,
                 });
             }
             points += head.points;

@@ -59,6 +59,7 @@ mod tests {
             bytes: 10,
             points,
             rectangle: None,
+            spacing_above: None,
         };
         let chunks = [chunk(100, 5), chunk(110, 0), chunk(110, 5), chunk(120, 1)];
         let one = |range: Range<u64>| vec![range];

@@ -5,10 +5,7 @@ use std::{
     ops::Range,
 };
 
-use ::las::{
-    copc::{CopcHierarchyVlr, CopcInfoVlr},
-    point::Format,
-};
+use ::las::point::Format;
 use laz::{
     LazItem,
     record::{LayeredPointRecordDecompressor, RecordDecompressor},
@@ -19,27 +16,6 @@ use super::{
     input::InputFile,
 };
 use crate::las::format::chunk_table::{Chunk, check_layers};
-
-/// The levels that an octree can have: beyond them bits of a node's number would be lost.
-const LEVELS: Range<i32> = 0..31;
-
-/// Gives each of `chunks` that is a node of the octree the rectangle of that node.
-pub(super) fn assign_rectangles(
-    chunks: &mut [Chunk],
-    info: &CopcInfoVlr,
-    hierarchy: &CopcHierarchyVlr,
-) {
-    for entry in hierarchy.iter_entries().flatten() {
-        if !LEVELS.contains(&entry.key.l) {
-            continue;
-        }
-        // Chunks are in the order of the file.
-        if let Ok(index) = chunks.binary_search_by_key(&entry.offset, |chunk| chunk.offset) {
-            let cube = entry.key.bounds(info);
-            chunks[index].rectangle = Some([[cube.min.x, cube.min.y], [cube.max.x, cube.max.y]]);
-        }
-    }
-}
 
 /// The points of several chunks, one after the other.
 pub(super) struct ChunkReader {

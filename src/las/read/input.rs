@@ -60,6 +60,8 @@ pub(crate) struct InputFile {
     pub(super) entry_points: EntryPoints,
     /// The way of the points to another CRS, if they take one: bounds and CRS are those after it.
     pub(super) placement: Option<Placement>,
+    /// How near to each other points have to be (CRS units), if finer levels of an octree are left out.
+    pub(crate) finest_spacing: Option<f64>,
 }
 
 /// The way of an input to the CRS of the run.

@@ -7,10 +7,10 @@
 use ::las::{Header, Reader, Vlr, copc::CopcHierarchyVlr, point::Format, raw};
 
 use super::{
-    chunk_reader::assign_rectangles,
     guard::guarded,
     input::{EntryPoints, FARTHEST_COORDINATE, InputFile},
     las_reader::{open_las, seek_to_point},
+    octree_nodes::assign_nodes,
 };
 use crate::las::{
     error::LasError,
@@ -112,6 +112,7 @@ impl InputFile {
             format,
             entry_points: EntryPoints::First,
             placement: None,
+            finest_spacing: None,
         })
     }
 
@@ -161,7 +162,7 @@ impl InputFile {
     }
 }
 
-/// The chunks as entry points, with the rectangles of the octree's nodes if the file is COPC.
+/// The chunks as entry points, with what is known of the octree's nodes if the file is COPC.
 fn entry_points_of_chunks(mut chunks: Vec<Chunk>, las: &Header, extended: &[Vlr]) -> EntryPoints {
     let info = las.copc_info_vlr();
     let hierarchy = extended
@@ -172,7 +173,7 @@ fn entry_points_of_chunks(mut chunks: Vec<Chunk>, las: &Header, extended: &[Vlr]
             guarded(|| CopcHierarchyVlr::read_from_with(vlr, info).ok()).flatten()
         });
     if let (Some(info), Some(hierarchy)) = (&info, &hierarchy) {
-        assign_rectangles(&mut chunks, info, hierarchy);
+        assign_nodes(&mut chunks, info, hierarchy);
     }
     EntryPoints::Chunks {
         chunks: chunks.into(),

@@ -20,6 +20,7 @@ mod las_reader;
 mod las_survey;
 pub(super) mod line_filter;
 pub(super) mod list;
+pub(super) mod octree_nodes;
 mod parts;
 mod placement;
 pub(super) mod ply;

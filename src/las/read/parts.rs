@@ -22,7 +22,7 @@ impl InputFile {
     }
 
     /// The points of the file, by index, in parts that can be read apart from each other,
-    /// each of approximately `points`. Chunks of an octree of which `filter` accepts no point
+    /// each of approximately `points`. Nodes of an octree of which `filter` accepts no point, or that are finer than it takes,
     /// are left out.
     pub(crate) fn parts(&self, points: u64, filter: &PointFilter) -> Vec<Range<u64>> {
         let all = self.points_claimed;
@@ -36,7 +36,12 @@ impl InputFile {
         let length = match &self.entry_points {
             EntryPoints::MultiplesOf(stride) => points.div_ceil(*stride).saturating_mul(*stride),
             EntryPoints::Chunks { chunks, .. } | EntryPoints::AlikeChunks(chunks) => {
-                return runs_of(chunks, points, all, filter);
+                let is_wanted = |chunk: &Chunk| {
+                    let rectangle = chunk.rectangle;
+                    self.reads(chunk)
+                        && rectangle.is_none_or(|[min, max]| filter.may_accept(min, max))
+                };
+                return runs_of(chunks, points, all, is_wanted);
             }
             _ => all,
         };
@@ -47,17 +52,18 @@ impl InputFile {
     }
 }
 
-/// Runs of those `chunks` that may have points which `filter` accepts, each of approximately
-/// `points`; only the first `all` points count.
-fn runs_of(chunks: &[Chunk], points: u64, all: u64, filter: &PointFilter) -> Vec<Range<u64>> {
+/// Runs of those `chunks` that are wanted, each of approximately `points`; only the first `all` points count.
+fn runs_of(
+    chunks: &[Chunk],
+    points: u64,
+    all: u64,
+    is_wanted: impl Fn(&Chunk) -> bool,
+) -> Vec<Range<u64>> {
     let mut runs: Vec<Range<u64>> = Vec::new();
     let mut start = 0;
     for chunk in chunks {
         let end = all.min(start + chunk.points);
-        let is_wanted = chunk
-            .rectangle
-            .is_none_or(|[min, max]| filter.may_accept(min, max));
-        if is_wanted && end > start {
+        if is_wanted(chunk) && end > start {
             match runs.last_mut() {
                 Some(last) if last.end == start && last.end - last.start < points => last.end = end,
                 _ => runs.push(start..end),

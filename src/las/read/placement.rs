@@ -149,13 +149,28 @@ impl EntryPoints {
                 [max[0] + wider[0], max[1] + wider[1]],
             ])
         };
-        let chunks = chunks.iter().map(|chunk| Chunk {
-            rectangle: chunk.rectangle.and_then(image),
-            ..*chunk
+        let chunks = chunks.iter().map(|chunk| {
+            let rectangle = chunk.rectangle.and_then(image);
+            let stretched = chunk.rectangle.zip(rectangle).map(stretching);
+            Chunk {
+                rectangle,
+                spacing_above: chunk
+                    .spacing_above
+                    .zip(stretched)
+                    .map(|(above, by)| above * by),
+                ..*chunk
+            }
         });
         Self::Chunks {
             chunks: chunks.collect(),
             is_octree: *is_octree,
         }
     }
+}
+
+/// How many times as long a rectangle becomes along the axis on which it grows more.
+fn stretching((rectangle, image): ([[f64; 2]; 2], [[f64; 2]; 2])) -> f64 {
+    let along = |[min, max]: [[f64; 2]; 2], axis: usize| max[axis] - min[axis];
+    let ratios = [0, 1].map(|axis| along(image, axis) / along(rectangle, axis));
+    ratios[0].max(ratios[1])
 }

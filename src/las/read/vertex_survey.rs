@@ -145,6 +145,7 @@ impl InputFile {
             format,
             entry_points,
             placement: None,
+            finest_spacing: None,
         })
     }
 }
