@@ -12,7 +12,8 @@ from write import write
 
 # Points of the scan to one of the output.
 RATIOS = (20, 80, 320, 1280)
-LESS_EVEN = 1.1
+# How much less even a cloud may be, if it has so many points that chance does not decide.
+LESS_EVEN, LEAST_POINTS = 1.1, 500
 
 
 def call(program, *words):
@@ -52,7 +53,7 @@ def main(program, work, *scans):
                 print(f"| {name}, {levels} | {spacing} | {read} ({100 * read / everything:.0f} %) | {points} | {even['delta']:.4f} "
                       f"| {even['energy_ratio']:.4f} | {away} | {gap} |", flush=True)
             deltas = [figures[levels][2]["uniformity"]["delta"] for levels in ("all", "auto")]
-            if deltas[1] > LESS_EVEN * deltas[0]:
+            if figures["auto"][1] >= LEAST_POINTS and deltas[1] > LESS_EVEN * deltas[0]:
                 print(f"{name} at {spacing}: less even")
                 good = False
     if not good:

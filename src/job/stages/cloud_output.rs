@@ -31,7 +31,7 @@ pub(super) struct CloudOutput<'a> {
     /// The memory that the plan was made for: processes that share a job divide its work alike.
     planned_memory: u64,
     /// The process that writes the cloud.
-    alone: &'a OneProcess,
+    alone: &'a OneProcess<'a>,
 }
 
 /// A cloud that is being written, from records in their order.
@@ -48,7 +48,7 @@ impl<'a> CloudOutput<'a> {
         run: &'a RunContext<'a>,
         planned: &PlannedJob,
         format: Format,
-        alone: &'a OneProcess,
+        alone: &'a OneProcess<'a>,
     ) -> Self {
         let solver = &planned.solver;
         Self {

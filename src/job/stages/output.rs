@@ -63,6 +63,7 @@ pub(crate) fn complete_output(
     )?;
     let alone = OneProcess {
         directory: scratch.path().to_owned(),
+        cancel: run.cancel,
     };
     let stitchers = shared.unwrap_or(&alone);
 

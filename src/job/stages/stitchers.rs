@@ -74,7 +74,7 @@ pub(crate) trait Stitchers: Workforce {
     ) -> Result<Box<dyn SortedRecords>, JobError>;
 }
 
-impl Stitchers for OneProcess {
+impl Stitchers for OneProcess<'_> {
     fn workforce(&self) -> &dyn Workforce {
         self
     }
