@@ -44,7 +44,7 @@ impl Object {
         match *self {}
     }
 
-    pub(super) fn check(&self) -> io::Result<()> {
+    pub(super) fn keep(&self, _: Range<u64>) -> io::Result<bool> {
         match *self {}
     }
 }

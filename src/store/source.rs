@@ -87,7 +87,7 @@ impl Source {
         }
     }
 
-    /// Forgets what was read of an object at scattered places, which takes some 50 kB. It is read again if it is asked for.
+    /// Forgets what was read of an object at scattered places, which takes up to 180 kB. It is read again if it is asked for.
     pub(crate) fn forget_pieces(&self) {
         if let Some(object) = &self.object {
             object.forget_pieces();
@@ -120,13 +120,16 @@ impl Source {
         self.object.as_ref().map(|object| object.identity())
     }
 
-    /// Checks that the object is still the one that was found; for a file that is checked elsewhere.
+    /// Reads a `range` of an object by one request, if it is short: what is read of it later, piece by piece, is there. Returns
+    /// whether it was; for a file there is nothing to do.
     ///
     /// # Errors
     ///
-    /// If it has changed, is gone, or its store does not answer.
-    pub(crate) fn check(&self) -> io::Result<()> {
-        self.object.as_ref().map_or(Ok(()), |object| object.check())
+    /// If the bytes cannot be read.
+    pub(crate) fn keep(&self, range: Range<u64>) -> io::Result<bool> {
+        self.object
+            .as_ref()
+            .map_or(Ok(true), |object| object.keep(range))
     }
 
     /// Reads all of a text of at most `limit` bytes.

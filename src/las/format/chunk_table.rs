@@ -151,7 +151,7 @@ pub(super) fn check_compressed_points(
     if compression.compressor == ONE_STREAM || points.claimed == 0 {
         return Ok(CompressedChunks::Unknown);
     }
-    let table = points.find_table(file).map_err(unreadable)?;
+    let table = points.find_table(file, source).map_err(unreadable)?;
     if let Some(table) = table {
         points.check_table(table)?;
     }
@@ -257,7 +257,11 @@ fn layers_of(format: &Format, extra_bytes: u64) -> usize {
 
 impl CompressedPoints {
     /// Finds the table of chunks; `None` if there is no table.
-    fn find_table(&self, file: &mut (impl Read + Seek)) -> io::Result<Option<TableClaim>> {
+    fn find_table(
+        &self,
+        file: &mut (impl Read + Seek),
+        source: &Source,
+    ) -> io::Result<Option<TableClaim>> {
         let mut word = [0; TABLE_OFFSET_BYTES as usize];
         // Writers that cannot go back leave the offset of the table at the end.
         for from in [SeekFrom::Start(self.start), SeekFrom::End(-8)] {
@@ -269,6 +273,8 @@ impl CompressedPoints {
                 if offset > self.file_bytes.saturating_sub(8) {
                     return Err(io::ErrorKind::UnexpectedEof.into());
                 }
+                // Behind the table there are extended records, and then the file ends.
+                source.keep(offset..self.file_bytes)?;
                 file.seek(SeekFrom::Start(offset))?;
                 file.read_exact(&mut word)?;
                 let chunks = u32::from_le_bytes([word[4], word[5], word[6], word[7]]);

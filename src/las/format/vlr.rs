@@ -105,7 +105,9 @@ pub(in crate::las) fn extended_records(source: &Source, header: &raw::Header) ->
             return None;
         }
         if length <= LONGEST_EVLR_BYTES {
-            file.expect(at - length..at);
+            if !source.keep(at - length..at).ok()? {
+                file.expect(at - length..at);
+            }
             let mut data = Vec::new();
             file.by_ref().take(length).read_to_end(&mut data).ok()?;
             vlrs.push(Vlr {

@@ -17,7 +17,7 @@ use crate::{
 const SURVEYED_AT_ONCE: usize = 16;
 
 /// The most remote files whose headers stay in memory, for the decoders that ask for them again.
-const MOST_WITH_HEADERS: usize = 256;
+const MOST_WITH_HEADERS: usize = 128;
 
 impl InputFile {
     /// Reads the headers of the files at `paths`, several at once; the results are in the order of the paths.
@@ -26,12 +26,17 @@ impl InputFile {
             return paths.par_iter().map(|path| Self::survey(path)).collect();
         }
         let length = paths.len().div_ceil(SURVEYED_AT_ONCE);
+        let forgets = paths.len() > MOST_WITH_HEADERS;
         thread::scope(|scope| {
             let survey = |paths: &[PathBuf]| {
-                paths
-                    .iter()
-                    .map(|path| Self::survey(path))
-                    .collect::<Vec<_>>()
+                let survey = |path: &PathBuf| {
+                    let surveyed = Self::survey(path);
+                    if forgets && let Ok(input) = &surveyed {
+                        input.source.forget_pieces();
+                    }
+                    surveyed
+                };
+                paths.iter().map(survey).collect::<Vec<_>>()
             };
             let threads: Vec<_> = paths
                 .chunks(length)
@@ -42,14 +47,7 @@ impl InputFile {
                     .join()
                     .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
             };
-            let surveyed: Vec<_> = threads.into_iter().flat_map(join).collect();
-            if surveyed.len() > MOST_WITH_HEADERS {
-                surveyed
-                    .iter()
-                    .flatten()
-                    .for_each(|input: &Self| input.source.forget_pieces());
-            }
-            surveyed
+            threads.into_iter().flat_map(join).collect()
         })
     }
 

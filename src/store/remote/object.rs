@@ -26,6 +26,8 @@ use crate::store::{address::without_secrets, identity::Identity};
 const SMALL_PIECE: u64 = 16 << 10;
 /// The most small pieces of an object that are kept.
 const MOST_SMALL_PIECES: usize = 256;
+/// The most bytes that are kept at once because they will be read piece by piece.
+const LONGEST_KEPT: u64 = 128 << 10;
 /// The most bytes that a request asks for.
 pub(super) const LONGEST_REQUEST: u64 = 1 << 20;
 /// The most bytes of one reader that are requested before they are needed.
@@ -194,14 +196,48 @@ impl Object {
         }
         let end = (start + SMALL_PIECE).min(self.identity.bytes);
         let bytes = self.request(start..end).wait()?;
+        self.keep_piece(number, bytes.clone());
+        Ok((start, bytes))
+    }
+
+    fn keep_piece(&self, number: u64, bytes: Bytes) {
         let mut small = lock(&self.small);
         if small.len() >= MOST_SMALL_PIECES {
             // The first one has the header.
             let second = small.keys().nth(1).copied();
             second.map(|number| small.remove(&number));
         }
-        small.insert(number, bytes.clone());
-        Ok((start, bytes))
+        small.insert(number, bytes);
+    }
+
+    /// Reads the small pieces with `range` by one request, as far as they are not kept, and returns whether all are kept now:
+    /// a longer range is not read.
+    ///
+    /// # Errors
+    ///
+    /// If they cannot be read.
+    pub(in crate::store) fn keep(self: &Arc<Self>, range: Range<u64>) -> io::Result<bool> {
+        if range.end - range.start > LONGEST_KEPT {
+            return Ok(false);
+        }
+        let pieces = range.start / SMALL_PIECE..range.end.div_ceil(SMALL_PIECE);
+        let (first, last) = {
+            let small = lock(&self.small);
+            let mut missing = pieces.filter(|number| !small.contains_key(number));
+            let Some(first) = missing.next() else {
+                return Ok(true);
+            };
+            (first, missing.next_back().unwrap_or(first))
+        };
+        let start = first * SMALL_PIECE;
+        let end = ((last + 1) * SMALL_PIECE).min(self.identity.bytes);
+        let bytes = self.request(start..end).wait()?;
+        for number in first..=last {
+            let from = ((number - first) * SMALL_PIECE) as usize;
+            let piece = bytes.slice(from..bytes.len().min(from + SMALL_PIECE as usize));
+            self.keep_piece(number, piece);
+        }
+        Ok(true)
     }
 
     /// Forgets the small pieces.
@@ -251,20 +287,6 @@ impl Object {
         }
         let digest = lock(&self.checksum).take();
         Ok(digest.map(OrderedDigest::finish).unwrap_or_default())
-    }
-
-    /// Checks that the object has the identity with which it was found.
-    ///
-    /// # Errors
-    ///
-    /// If it has changed, is gone, or its store does not answer.
-    pub(in crate::store) fn check(&self) -> io::Result<()> {
-        let first = 0..self.identity.bytes.min(1);
-        let first = (!first.is_empty()).then_some(first);
-        let again = runtime()?.block_on(repeated(|| {
-            get(&self.located, first.clone(), Some(&self.identity))
-        }));
-        again.map(|_| ()).map_err(Into::into)
     }
 }
 
