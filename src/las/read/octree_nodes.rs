@@ -65,18 +65,29 @@ pub(super) fn assign_nodes(chunks: &mut [Chunk], info: &CopcInfoVlr, hierarchy: 
             nodes.push((index, entry.key.l));
         }
     }
-    // What the file states of the spacing is a wish of who wrote it. Points are rarer where nodes have fewer.
-    let (mut above, mut spacing_above) = (None, BTreeMap::new());
-    for (&number, level) in &levels {
-        spacing_above.insert(number, above);
-        let halvings = f64::from(number);
-        let stated = info.spacing / halvings.exp2();
-        let found = level.spacing(2.0 * info.halfsize / halvings.exp2());
-        above = Some(stated.max(found)).filter(|spacing| spacing.is_finite());
-    }
+    let above = spacings_above(&levels, info.spacing, 2.0 * info.halfsize);
     for (index, level) in nodes {
-        chunks[index].spacing_above = spacing_above[&level];
+        chunks[index].spacing_above = above[&level];
     }
+}
+
+/// For each of `levels` the distance between the points of all levels above it, in an octree whose root has this `spacing`, as
+/// its file states it, and this `edge`; `None` if there are none. It does not grow from level to level.
+fn spacings_above(
+    levels: &BTreeMap<i32, Level>,
+    spacing: f64,
+    edge: f64,
+) -> BTreeMap<i32, Option<f64>> {
+    let mut above: Option<f64> = None;
+    let of_level = |(&number, level): (&i32, &Level)| {
+        let before = above;
+        let parts = f64::from(number).exp2();
+        // What the file states is a wish of who wrote it: where nodes have fewer points these are rarer.
+        let own = (spacing / parts).max(level.spacing(edge / parts));
+        above = above.into_iter().chain(Some(own)).reduce(f64::min);
+        (number, before.filter(|spacing| spacing.is_finite()))
+    };
+    levels.iter().map(of_level).collect()
 }
 
 impl InputFile {
@@ -96,5 +107,38 @@ impl InputFile {
                 self.points_claimed
             )
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn level(nodes: u64, points: u64) -> Level {
+        Level { nodes, points }
+    }
+
+    #[test]
+    fn a_level_is_as_dense_as_its_points_show_and_no_rarer_than_the_one_above() {
+        let full = [
+            (0, level(1, 10_000)),
+            (1, level(4, 40_000)),
+            (2, level(16, 100)),
+        ];
+        // A hundred points along an edge of 128 are 1.28 apart; a wish of 1 is not believed, one of 2 is.
+        for (wish, expected) in [(1.0, [1.28, 0.64]), (2.0, [2.0, 1.0])] {
+            let above = spacings_above(&full.into(), wish, 128.0);
+            assert_eq!(above[&0], None);
+            assert_eq!([above[&1], above[&2]], expected.map(Some));
+        }
+        // The few points of the second level do not make it rarer than the first: the third is read with it or not at all.
+        let sparse = [(0, level(1, 10_000)), (1, level(4, 4)), (2, level(16, 100))];
+        let above = spacings_above(&sparse.into(), 1.0, 128.0);
+        assert_eq!(above[&2], Some(1.28));
+        // Nothing is known of levels without points.
+        assert_eq!(
+            spacings_above(&[(0, level(1, 0)), (1, level(1, 9))].into(), 1.0, 128.0)[&1],
+            None
+        );
     }
 }
