@@ -22,6 +22,8 @@ HERE = Path(__file__).parent
 RATE, LATENCY, REPEATS = 100.0, 50.0, 3
 MEMORY = 256 << 20
 MOST_BYTES, MOST_TIME, PIECE = 1.1, 1.3, 16 << 10
+# Seconds of a local job from which on the three answers that each job waits for are few.
+SHORTEST = 1.0
 SECRET = "h1dden-word"
 
 
@@ -166,7 +168,8 @@ def main(program, work):
                 f"| {statistics.median(here):.2f} | {transfer:.2f} | {statistics.median(there):.2f} | {ratio:.2f} |",
                 flush=True,
             )
-            good &= beyond <= MOST_BYTES and ratio <= MOST_TIME and peak <= MEMORY
+            good &= beyond <= MOST_BYTES and peak <= MEMORY
+            good &= ratio <= MOST_TIME or statistics.median(here) < SHORTEST
     good &= store(program, work, scans)
     if not good:
         sys.exit("a bar is not met")
