@@ -186,8 +186,7 @@ impl BlockFile {
         match self.content(block) {
             Ok(content) if checksum(&content) == block.checksum => Ok(content),
             Ok(_) => Err(damaged()),
-            Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => Err(damaged()),
-            Err(source) => Err(TileError::io("read", &self.path, source)),
+            Err(source) => Err(TileError::unreadable(&self.path, source)),
         }
     }
 

@@ -107,12 +107,9 @@ impl ChunkTable {
         let south = (self.cells).partition_point(|cell| rect_of(cell).max[1] <= rect.min[1]);
         let (_, northern) = self.cells.split_at(south);
         let rows = northern.partition_point(|cell| rect_of(cell).min[1] < rect.max[1]);
-        let cells = northern[..rows].iter();
-        self.read(
-            &cells
-                .filter(|cell| rect_of(cell).intersects(rect))
-                .collect::<Vec<_>>(),
-        )
+        let in_rows = northern[..rows].iter();
+        let cells: Vec<_> = (in_rows.filter(|cell| rect_of(cell).intersects(rect))).collect();
+        self.read(&cells)
     }
 
     fn read(&self, cells: &[&CellChunks]) -> Result<Vec<Chunk>, TileError> {
@@ -126,10 +123,7 @@ impl ChunkTable {
                 Ok(chunks)
             }
             Ok(None) => Err(TileError::damaged(&self.path)),
-            Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => {
-                Err(TileError::damaged(&self.path))
-            }
-            Err(source) => Err(TileError::io("read", &self.path, source)),
+            Err(source) => Err(TileError::unreadable(&self.path, source)),
         }
     }
 

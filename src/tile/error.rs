@@ -53,6 +53,14 @@ impl TileError {
         }
     }
 
+    /// Reports that the file at `path` could not be read: that it is damaged if it ends too early.
+    pub(super) fn unreadable(path: &Path, source: io::Error) -> Self {
+        match source.kind() {
+            io::ErrorKind::UnexpectedEof => Self::damaged(path),
+            _ => Self::io("read", path, source),
+        }
+    }
+
     /// The error that work on temporary files has met: itself, or what it says.
     pub(crate) fn of_store(error: StoreError) -> Self {
         match error.downcast::<Self>() {

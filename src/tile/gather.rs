@@ -9,7 +9,7 @@
 use std::{
     collections::BTreeMap,
     fs::File,
-    io::{ErrorKind, Read, Seek, SeekFrom},
+    io::{Read, Seek, SeekFrom},
 };
 
 use rayon::prelude::*;
@@ -145,10 +145,7 @@ impl Spill {
             file.seek(SeekFrom::Start(start))?;
             file.read_exact(buffer)
         });
-        read.map_err(|source| match source.kind() {
-            ErrorKind::UnexpectedEof => TileError::damaged(path),
-            _ => TileError::io("read", path, source),
-        })?;
+        read.map_err(|source| TileError::unreadable(path, source))?;
         for chunk in chunks {
             let from = (chunk.offset - start) as usize;
             let (records, sums) =

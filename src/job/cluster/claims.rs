@@ -111,10 +111,14 @@ impl Claim {
     ///
     /// [`JobError::Io`] if `dir` cannot be read.
     pub(crate) fn all_complete(kind: &WorkKind, dir: &Path) -> Result<Vec<Self>, JobError> {
-        let mut claims = Self::all(kind, dir)?;
+        Ok(Self::complete_of(Self::all(kind, dir)?))
+    }
+
+    /// One complete claim of `claims`, which are in the order of their groups, for each group that has one.
+    pub(super) fn complete_of(mut claims: Vec<Self>) -> Vec<Self> {
         claims.retain(|claim| claim.state == AttemptState::Complete);
         claims.dedup_by_key(|claim| claim.group);
-        Ok(claims)
+        claims
     }
 
     /// The path of the file that claims the group and contains its result.

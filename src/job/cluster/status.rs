@@ -93,14 +93,15 @@ impl JobStatus {
 
     fn of_scattering(dir: &Path, count: usize) -> Result<Self, JobError> {
         let claims = Claim::all(&POINTS, dir)?;
-        let complete = Claim::all_complete(&POINTS, dir)?.len();
+        let claimed = claimed(&claims, |group| vec![group as u32]);
+        let complete = Claim::complete_of(claims).len();
         Ok(Self {
             scattered: Some([complete as u64, count as u64]),
             tiles: 0,
             started: None,
             solved: 0,
             share: complete as f64 / count as f64,
-            claimed: claimed(&claims, |group| vec![group as u32]),
+            claimed,
             remaining_seconds: None,
             stitch: Vec::new(),
         })
@@ -174,13 +175,14 @@ impl JobStatus {
 fn stitch(dir: &Path, tiles: usize) -> Result<Vec<StitchWork>, JobError> {
     let status = |(kind, count): (WorkKind, usize)| {
         let claims = Claim::all(&kind, dir)?;
-        let complete = Claim::all_complete(&kind, dir)?.len();
+        let claimed = claimed(&claims, |group| vec![group as u32]);
+        let complete = Claim::complete_of(claims).len();
         // The number of pieces, which the names of files have, says nothing to who asks.
         let name = kind.prefix.trim_end_matches(|c: char| c.is_ascii_digit());
         Ok(StitchWork {
             work: name.trim_end_matches('-').to_owned(),
             groups: [complete as u64, count as u64],
-            claimed: claimed(&claims, |group| vec![group as u32]),
+            claimed,
         })
     };
     works_begun(dir, tiles)?.into_iter().map(status).collect()

@@ -99,6 +99,7 @@ impl InputFile {
 
     /// What is to be said of levels that are not read, if any.
     pub(crate) fn note_on_levels(&self) -> Option<String> {
+        self.finest_spacing?;
         let read = self.chunks()?.iter().filter(|chunk| self.reads(chunk));
         let points: u64 = read.map(|chunk| chunk.points).sum();
         (points < self.points_claimed).then(|| {
