@@ -159,11 +159,15 @@ impl Quantization {
 }
 
 /// `value` rounded half away from zero, if it is an `i32`.
+#[inline]
 fn round(value: f64) -> Option<i32> {
-    let rounded = value.round();
-    (f64::from(i32::MIN)..=f64::from(i32::MAX))
-        .contains(&rounded)
-        .then_some(rounded as i32)
+    let is_within = value > f64::from(i32::MIN) - 0.5 && value < f64::from(i32::MAX) + 0.5;
+    is_within.then(|| {
+        // Without the function call that old processors need for it. The difference is exact.
+        let towards_zero = value as i64;
+        let rest = value - towards_zero as f64;
+        (towards_zero + i64::from(rest >= 0.5) - i64::from(rest <= -0.5)) as i32
+    })
 }
 
 /// A rectangle of the plane in stored units, half-open: `min <= c < max`.
@@ -219,6 +223,26 @@ impl Rect {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn values_are_rounded_as_the_standard_library_does() {
+        let limits = [i32::MIN, i32::MAX].map(f64::from);
+        let near = |c: f64| [-1.0, -0.5, -0.3, 0.0, 0.3, 0.5, 1.0].map(|by| c + by);
+        let steps = [
+            0.0,
+            0.5_f64.next_down(),
+            -0.5_f64.next_down(),
+            1.5,
+            -1.5,
+            7.0,
+        ];
+        let values = steps.into_iter().chain(limits).flat_map(near);
+        for value in values.chain([f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300]) {
+            let truth = value.round();
+            let is_within = limits[0] <= truth && truth <= limits[1];
+            assert_eq!(round(value), is_within.then_some(truth as i32), "{value}");
+        }
+    }
 
     #[test]
     fn a_point_on_a_shared_edge_has_one_home() {

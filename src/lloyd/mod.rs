@@ -50,7 +50,7 @@ pub use region::TileRegion;
 pub(crate) use resumed_sites::ResumedSites;
 pub(crate) use rings::Rings;
 pub use scan::Scan;
-pub(crate) use scan::{PointSum, PointTag, ThinnedPoints, Thinning};
+pub(crate) use scan::{PointSum, PointTag, PointsByIndex, ThinnedPoints, Thinning, VoxelPoints};
 pub(crate) use seeds::elected_in;
 pub use seeds::{AREA_PER_SEED, SeedRule, elect};
 pub(crate) use settings::SolverSettings;

@@ -6,8 +6,7 @@ use super::{cell_points::CellPoints, spill_index::SquareCounts};
 use crate::{
     geometry::Stored,
     las::PointCounts,
-    lloyd::Thinning,
-    tiling::{Bounds, CellGrid, CellKey},
+    tiling::{Bounds, CellGrid, CellKey, SquareFinder},
 };
 
 /// Records of one source, sorted by cell.
@@ -40,21 +39,21 @@ pub(super) struct CellOfBatch {
 }
 
 impl Batch {
-    /// Sorts `records`, of `record_length` bytes each, by the cells of `grid`, and thins those of
-    /// each cell. The order of records within a cell is kept if they are not thinned.
+    /// Sorts `records`, of `record_length` bytes each, by the cells of `grid`. The order of records within a
+    /// cell is kept.
     pub(super) fn sorted_by_cell(
         source: usize,
         counts: PointCounts,
         records: &[u8],
         grid: CellGrid,
         record_length: usize,
-        thinning: Option<&Thinning>,
     ) -> Self {
         // Scanners sweep: most records that follow each other lie in one cell, so runs of
         // records are sorted rather than records.
+        let mut finder = SquareFinder::new(grid);
         let mut runs: Vec<(CellKey, usize, usize)> = Vec::new();
         for (record, index) in records.chunks_exact(record_length).zip(0..) {
-            let cell = grid.cell(Stored::of_record(record));
+            let (cell, _) = finder.find(Stored::of_record(record));
             match runs.last_mut() {
                 Some((last, _, end)) if *last == cell => *end = index + 1,
                 _ => runs.push((cell, index, index + 1)),
@@ -79,40 +78,28 @@ impl Batch {
                 let run = &records[first * record_length..end * record_length];
                 batch.points.records.extend_from_slice(run);
             }
-            batch.end_cell(runs[0].0, start, record_length, thinning);
+            batch.end_cell(runs[0].0, start, record_length);
         }
         batch
     }
 
-    /// Counts the records from the byte `start` on, which are those of `cell`, and thins them.
-    fn end_cell(
-        &mut self,
-        cell: CellKey,
-        start: usize,
-        record_length: usize,
-        thinning: Option<&Thinning>,
-    ) {
+    /// Counts the records from the byte `start` on, which are those of `cell`.
+    fn end_cell(&mut self, cell: CellKey, start: usize, record_length: usize) {
         let records = &self.points.records[start..];
+        let mut finder = SquareFinder::new(self.grid);
         let mut squares = Box::new([0; _]);
         // A copy that stays in registers over the records of a cell.
         let mut bounds = self.bounds;
         for record in records.chunks_exact(record_length) {
             let point = Stored::of_record(record);
-            squares[self.grid.square_in_cell(point)] += 1;
+            squares[finder.find(point).1] += 1;
             bounds.grow(point);
         }
         self.bounds = bounds;
-        let first_sum = self.points.sums.len();
-        let thinned =
-            thinning.and_then(|rule| CellPoints::thinned(records, &[], record_length, rule));
-        if let Some(thinned) = thinned {
-            self.points.records.truncate(start);
-            self.points.extend(&thinned.records, &thinned.sums);
-        }
         self.cells.push(CellOfBatch {
             cell,
             records: start..self.points.records.len(),
-            sums: first_sum..self.points.sums.len(),
+            sums: 0..0,
             squares,
         });
     }

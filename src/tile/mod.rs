@@ -37,6 +37,7 @@ mod stitch;
 mod storage;
 #[cfg(test)]
 mod tests;
+mod voxel_batch;
 
 pub(crate) use block_file::BlockFile;
 pub(crate) use cell_points::Spilled;

@@ -31,6 +31,7 @@ use super::{
     spill::Spill,
     spill_appender::{AppendOptions, SpillAppender},
     storage::Storage,
+    voxel_batch::VoxelBatch,
 };
 use crate::{lloyd::Thinning, tiling::CellGrid};
 
@@ -55,8 +56,8 @@ const QUEUED_BATCHES: usize = 2;
 
 /// A decoder thins its batches as long as no more than this share of their bytes is left.
 const WORTHWHILE_SHARE: f64 = 0.75;
-/// The number of batches that a decoder does not thin after one that was not worth it.
-const BATCHES_BETWEEN_TRIALS: u32 = 15;
+/// The number of calls of a source whose points are not thinned after a batch that was not worth it.
+const CALLS_BETWEEN_TRIALS: u32 = 15;
 
 /// What a decoder sends to the appender.
 enum Message {
@@ -128,6 +129,7 @@ pub(crate) fn scatter_into(
         waiting: Mutex::new(missing.into_iter()),
         edge: AtomicI64::new(appender.grid().edge()),
         record_length: options.record_length,
+        checkpoint_bytes: options.checkpoint_bytes,
         thinning: storage.thinning,
         has_failed: AtomicBool::new(false),
         cancel,
@@ -166,6 +168,8 @@ struct Decoding<'a, Waiting> {
     /// batch that was sorted by a finer grid is still right, but slower to append.
     edge: AtomicI64,
     record_length: usize,
+    /// Bytes that are spilled between two checkpoints.
+    checkpoint_bytes: u64,
     thinning: Option<Thinning>,
     /// Whether the appender has given up.
     has_failed: AtomicBool,
@@ -207,34 +211,46 @@ impl<'a, Waiting: Iterator<Item = MissingSource<'a>>> Decoding<'_, Waiting> {
     ) -> Result<bool, SourceError> {
         let mut source = open(skip)?;
         let mut records = Vec::new();
-        // Batches that thinning hardly shortens are thinned by the appender, cell by cell.
-        let mut batches_unthinned = 0;
-        loop {
-            let counts = source.next_batch(&mut records)?;
-            if counts.read == 0 {
-                return Ok(true);
-            }
-            let grid = CellGrid::new(self.edge.load(Ordering::Relaxed));
-            let thinning = self.thinning.filter(|_| batches_unthinned == 0);
-            let batch = Batch::sorted_by_cell(
-                index,
-                counts,
-                &records,
-                grid,
-                self.record_length,
-                thinning.as_ref(),
-            );
-            let left = batch.points.bytes() as f64 / batch.bytes_read.max(1) as f64;
-            batches_unthinned = match thinning {
-                Some(_) if left > WORTHWHILE_SHARE => BATCHES_BETWEEN_TRIALS,
-                Some(_) => 0,
-                None => batches_unthinned.saturating_sub(1),
+        let grid = || CellGrid::new(self.edge.load(Ordering::Relaxed));
+        let send = |batch| sender.send(Message::Batch(batch)).is_ok();
+        let length = self.record_length;
+        let mut voxels = (self.thinning).map(|thinning| VoxelBatch::new(length, grid(), thinning));
+        // Points that thinning hardly reduces are thinned by the appender, cell by cell.
+        let mut calls_unthinned = 0;
+        while !self.is_stopped() {
+            let counts = match source.next_batch(&mut records) {
+                Ok(counts) => counts,
+                Err(error) => {
+                    // What was read before need not be read again.
+                    voxels.map(|mut voxels| send(voxels.take(index, grid())));
+                    return Err(error);
+                }
             };
-            let is_sent = sender.send(Message::Batch(batch)).is_ok();
-            if !is_sent || self.is_stopped() {
-                return Ok(false);
+            let has_ended = counts.read == 0;
+            let is_sent = match &mut voxels {
+                Some(voxels) if calls_unthinned == 0 => {
+                    voxels.add(&counts, &records);
+                    if !voxels.is_complete(self.checkpoint_bytes) && !has_ended {
+                        continue;
+                    }
+                    let batch = voxels.take(index, grid());
+                    let left = batch.points.bytes() as f64 / batch.bytes_read.max(1) as f64;
+                    if left > WORTHWHILE_SHARE {
+                        calls_unthinned = CALLS_BETWEEN_TRIALS;
+                    }
+                    send(batch)
+                }
+                _ => {
+                    calls_unthinned = calls_unthinned.saturating_sub(1);
+                    let batch = Batch::sorted_by_cell(index, counts, &records, grid(), length);
+                    has_ended || send(batch)
+                }
+            };
+            if has_ended || !is_sent {
+                return Ok(is_sent);
             }
         }
+        Ok(false)
     }
 
     fn is_stopped(&self) -> bool {

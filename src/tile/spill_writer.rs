@@ -55,7 +55,7 @@ impl SpillWriter {
             ..PointCounts::default()
         };
         let grid = self.appender.grid();
-        let batch = Batch::sorted_by_cell(0, counts, records, grid, self.record_length, None);
+        let batch = Batch::sorted_by_cell(0, counts, records, grid, self.record_length);
         self.appender.append(&batch)
     }
 

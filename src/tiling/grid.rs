@@ -128,13 +128,6 @@ impl CellGrid {
         c.div_euclid(self.edge) as i32
     }
 
-    /// The index of the counting square of `point` within its cell, row by row.
-    #[inline]
-    pub(crate) fn square_in_cell(&self, point: Stored) -> usize {
-        let index = |c: i32| i64::from(c).rem_euclid(self.edge) / self.square();
-        (index(point.y) * SQUARES_PER_CELL_EDGE + index(point.x)) as usize
-    }
-
     /// The index of the counting square of `point`: its south-west corner in units of squares.
     #[inline]
     pub(crate) fn square_of(&self, point: Stored) -> [i64; 2] {
@@ -159,9 +152,57 @@ impl CellGrid {
     }
 }
 
+/// Finds the cells and counting squares of points that come one by one: most lie in the square of the one
+/// before, which is found without a division.
+#[derive(Debug)]
+pub(crate) struct SquareFinder {
+    grid: CellGrid,
+    /// The square that was found last.
+    rect: Rect,
+    cell: CellKey,
+    square: usize,
+}
+
+impl SquareFinder {
+    /// A finder in `grid`.
+    pub(crate) fn new(grid: CellGrid) -> Self {
+        Self {
+            grid,
+            rect: Rect {
+                min: [0; 2],
+                max: [0; 2],
+            },
+            cell: CellKey { row: 0, column: 0 },
+            square: 0,
+        }
+    }
+
+    /// The cell of `point`, and the index of its counting square in the cell.
+    #[inline]
+    pub(crate) fn find(&mut self, point: Stored) -> (CellKey, usize) {
+        if !self.rect.contains(point) {
+            let square = self.grid.square_of(point);
+            self.rect = self.grid.rect_of_square(square);
+            let [column, row] = square.map(|c| c.div_euclid(SQUARES_PER_CELL_EDGE) as i32);
+            self.cell = CellKey { row, column };
+            let [x, y] = square.map(|c| c.rem_euclid(SQUARES_PER_CELL_EDGE) as usize);
+            self.square = y * SQUARES_PER_CELL_EDGE as usize + x;
+        }
+        (self.cell, self.square)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    impl CellGrid {
+        /// The index of the counting square of `point` within its cell, row by row.
+        fn square_in_cell(&self, point: Stored) -> usize {
+            let index = |c: i32| i64::from(c).rem_euclid(self.edge) / self.square();
+            (index(point.y) * SQUARES_PER_CELL_EDGE + index(point.x)) as usize
+        }
+    }
 
     #[test]
     fn the_grid_of_an_edge_of_a_grid_is_that_grid() {
@@ -205,6 +246,21 @@ mod tests {
                     assert_eq!(square, coarser.square_in_cell(point));
                     let square = grid.square_of(point);
                     assert!(grid.rect_of_square(square).contains(point));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_finder_finds_what_the_grid_says() {
+        for edge in [8, 104, 12_344] {
+            let grid = CellGrid::new(edge);
+            let mut finder = SquareFinder::new(grid);
+            for x in [i32::MIN, -104, -105, -1, 0, 1, 103, 104, 1543, i32::MAX] {
+                for y in [i32::MIN, -7, -7, 0, 12, 13, 12_344, i32::MAX] {
+                    let point = Stored { x, y, z: 0 };
+                    let found = finder.find(point);
+                    assert_eq!(found, (grid.cell(point), grid.square_in_cell(point)));
                 }
             }
         }

@@ -17,5 +17,5 @@ mod square_sums;
 pub(crate) use bounds::Bounds;
 pub(crate) use cloud::{CloudInMemory, CountedCloud};
 pub use grid::CellGrid;
-pub(crate) use grid::{CellKey, MAX_OCCUPIED_CELLS, SQUARES_PER_CELL_EDGE};
+pub(crate) use grid::{CellKey, MAX_OCCUPIED_CELLS, SQUARES_PER_CELL_EDGE, SquareFinder};
 pub(crate) use plan::{Plan, PlanOptions, Square, Tile};

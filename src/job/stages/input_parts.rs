@@ -5,12 +5,13 @@ use std::ops::Range;
 use super::survey::Survey;
 use crate::job::cluster::GROUP_LIMIT;
 
-/// Number of points in a part of an input.
-const POINTS_PER_PART: u64 = 1_000_000;
+/// Number of points in a part of an input: few enough that decoders end together, and that little is
+/// read ahead of the decoder of a remote file, which are some four million bytes.
+const POINTS_PER_PART: u64 = 250_000;
 
 /// Largest number of points in a group of parts, as long as there are at most [`GROUP_LIMIT`]
-/// groups. A process that is killed loses one group; a group has a part for each of eight cores.
-const POINTS_PER_GROUP: u64 = 8 * POINTS_PER_PART;
+/// groups. A process that is killed loses one group; a group has four parts for each of eight cores.
+const POINTS_PER_GROUP: u64 = 32 * POINTS_PER_PART;
 
 /// A part of an input.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -81,7 +82,7 @@ mod tests {
 
     #[test]
     fn groups_are_alike_and_hold_every_part_once() {
-        for (parts, expected) in [(1, 1), (8, 1), (20, 3), (10_000, 256)] {
+        for (parts, expected) in [(1, 1), (32, 1), (80, 3), (10_000, 256)] {
             let mut parts: Vec<InputPart> = (0..parts)
                 .map(|input| part(input, POINTS_PER_PART - input as u64))
                 .collect();

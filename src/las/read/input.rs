@@ -14,7 +14,7 @@ use crate::las::{
 use crate::store::Source;
 
 /// The most points that are decoded at a time.
-const BATCH_POINTS: u64 = 65_536;
+const BATCH_POINTS: u64 = 32_768;
 /// The most bytes that are decoded at a time: few points of long records.
 const BATCH_BYTES: u64 = 4 << 20;
 /// The farthest coordinate and offset that can be meant, in CRS units.

@@ -10,8 +10,6 @@ use crate::las::format::chunk_table::Chunk;
 
 /// The most parts of a file: a header's claim must not say how much is allocated.
 const MOST_PARTS: u64 = 4096;
-/// The most points of a part of a remote file, as long as there are not too many parts: they take about four million bytes.
-const REMOTE_POINTS: u64 = 250_000;
 
 impl InputFile {
     /// Whether the `parts` that take part in a run are all points of the file.
@@ -26,12 +24,6 @@ impl InputFile {
     /// are left out.
     pub(crate) fn parts(&self, points: u64, filter: &PointFilter) -> Vec<Range<u64>> {
         let all = self.points_claimed;
-        // What is read ahead of the decoder is the beginning of the next parts: they should not be much longer.
-        let points = if self.source.is_remote() {
-            points.min(REMOTE_POINTS)
-        } else {
-            points
-        };
         let points = points.max(all.div_ceil(MOST_PARTS));
         let length = match &self.entry_points {
             EntryPoints::MultiplesOf(stride) => points.div_ceil(*stride).saturating_mul(*stride),

@@ -10,7 +10,9 @@ mod surroundings;
 mod thinned;
 mod thinning;
 mod voxel;
+mod voxel_points;
 
 pub use points::Scan;
 pub(crate) use thinned::{PointSum, PointTag, ThinnedPoints};
 pub(crate) use thinning::Thinning;
+pub(crate) use voxel_points::{PointsByIndex, VoxelPoints};

@@ -16,8 +16,9 @@ use rayon::prelude::*;
 
 use super::{
     thinned::{PointSum, ThinnedPoints},
-    thinning::{MOST_IN_VOXEL, keep_first},
+    thinning::keep_first,
     voxel::{VOXELS_PER_SPACING, voxel_edge},
+    voxel_points::MOST_IN_VOXEL,
 };
 use crate::{
     geometry::{LayeredCells, Local, NeighborGrid, OccupiedCells, Quantization, Stored, cell_of},

@@ -21,14 +21,12 @@ use std::cmp::Ordering;
 use super::{
     thinned::{PointSum, PointTag, ThinnedPoints},
     voxel::voxel_edge,
+    voxel_points::{MOST_IN_VOXEL, PointsByIndex, VoxelPoints},
 };
 use crate::{
     geometry::{CellIndex, CellOrder, OccupiedCells, Quantization, Stored, cell_of},
     lloyd::SolverOptions,
 };
-
-/// Largest number of points that a voxel keeps.
-pub(crate) const MOST_IN_VOXEL: usize = 4;
 
 /// The rule by which points are thinned.
 #[derive(Clone, Copy, Debug)]
@@ -58,6 +56,12 @@ impl Thinning {
     #[inline]
     pub(crate) fn voxel_of(&self, point: Stored) -> CellIndex {
         cell_of(self.quantization.local(point), self.voxel)
+    }
+
+    /// The priority of `point` among those of its voxel: the lowest is kept first.
+    #[inline]
+    pub(crate) fn priority(&self, point: Stored) -> u64 {
+        point.priority(self.seed)
     }
 
     /// The double voxel of `point`, two voxels wide on each axis. Which ones are occupied does not depend
@@ -115,32 +119,54 @@ impl Thinning {
         let items = points.iter().copied().chain(means);
         let voxels: Vec<CellIndex> = items.map(|point| self.voxel_of(point)).collect();
         let (mut kept, mut others) = (Vec::new(), Vec::new());
-        let mut best = Best::default();
+        let by_index = Tagged {
+            points,
+            tags,
+            order,
+        };
         for in_voxel in CellOrder::new(&voxels).cells() {
             let count = in_voxel.partition_point(|&index| (index as usize) < first_sum);
             let (of_points, of_sums) = in_voxel.split_at(count);
-            let mut other = PointSum::default();
-            for &index in of_sums {
-                other.merge(&sums[index as usize - first_sum]);
-            }
-            if other.count == 0 && count <= MOST_IN_VOXEL {
+            if of_sums.is_empty() && count <= MOST_IN_VOXEL {
                 kept.extend_from_slice(of_points);
                 continue;
             }
-            best.clear();
+            let mut voxel = VoxelPoints::crowded();
             for &index in of_points {
                 let point = points[index as usize];
-                other.add(point);
-                let tag = tags.get(index as usize).map(PointTag::rank);
-                best.consider((point.priority(self.seed), point, tag), index, &order);
+                voxel.add(point, self.priority(point), index, &by_index, |_| {});
             }
-            best.leave_out_of(&mut other);
-            kept.extend(best.indices());
+            kept.extend_from_slice(voxel.kept());
+            let mut other = voxel.others(|index| points[index as usize]);
+            for &index in of_sums {
+                other.merge(&sums[index as usize - first_sum]);
+            }
             if other.count > 0 {
                 others.push(other);
             }
         }
         (kept, others)
+    }
+}
+
+/// Points with tags, which may be empty.
+struct Tagged<'a, Order> {
+    points: &'a [Stored],
+    tags: &'a [PointTag],
+    /// The order of points that are equal.
+    order: Order,
+}
+
+impl<Order: Fn(u32, u32) -> Ordering> PointsByIndex for Tagged<'_, Order> {
+    type Identity = (Stored, Option<(u32, u16, bool)>);
+
+    fn identity(&self, index: u32) -> Self::Identity {
+        let tag = self.tags.get(index as usize).map(PointTag::rank);
+        (self.points[index as usize], tag)
+    }
+
+    fn order(&self, a: u32, b: u32) -> Ordering {
+        (self.order)(a, b)
     }
 }
 
@@ -157,22 +183,27 @@ pub(super) fn keep_first(
     if totals.iter().all(|total| total.count <= most as u64) {
         return;
     }
-    let mut best = Best::default();
+    let mut first = Vec::with_capacity(MOST_IN_VOXEL);
     let mut end = 0;
     let mut counts = Vec::with_capacity(totals.len());
     for (range, total) in voxels.ranges().zip(totals) {
         let start = end;
         if total.count > most as u64 {
-            best.clear();
-            for &point in &points[range] {
-                let rank = (point.priority(seed), point, None);
-                best.consider(rank, 0, |_, _| Ordering::Equal);
+            let by_index = Tagged {
+                points,
+                tags: &[],
+                order: |_, _| Ordering::Equal,
+            };
+            let mut voxel = VoxelPoints::crowded();
+            for index in range {
+                let point = points[index];
+                voxel.add(point, point.priority(seed), index as u32, &by_index, |_| {});
             }
-            for &((_, point, _), _) in &best.first {
-                points[end] = point;
-                end += 1;
-            }
-            points[start..end].sort_unstable();
+            first.clear();
+            first.extend(voxel.kept().iter().map(|&index| points[index as usize]));
+            first.sort_unstable();
+            end += first.len();
+            points[start..end].copy_from_slice(&first);
         } else {
             end += range.len();
             points.copy_within(range, start);
@@ -182,55 +213,6 @@ pub(super) fn keep_first(
     points.truncate(end);
     points.shrink_to_fit();
     voxels.set_counts(&counts);
-}
-
-/// The first few of the points that were considered, by priority; equal points count once.
-#[derive(Default)]
-struct Best {
-    /// The ranks and indices, in their order.
-    first: Vec<(Rank, u32)>,
-}
-
-/// The priority of a point, the point, and the rank of its tag if it has one.
-type Rank = (u64, Stored, Option<(u32, u16, bool)>);
-
-impl Best {
-    fn clear(&mut self) {
-        self.first.clear();
-    }
-
-    /// Considers the point of this `rank` and `index`. Of equal points the one that `order` puts first
-    /// stays.
-    #[inline]
-    fn consider(&mut self, rank: Rank, index: u32, order: impl Fn(u32, u32) -> Ordering) {
-        let is_full = self.first.len() == MOST_IN_VOXEL;
-        if is_full && self.first.last().is_some_and(|last| last.0 < rank) {
-            return;
-        }
-        match self.first.binary_search_by(|known| known.0.cmp(&rank)) {
-            Ok(at) => {
-                if order(index, self.first[at].1).is_lt() {
-                    self.first[at].1 = index;
-                }
-            }
-            Err(at) => {
-                self.first.truncate(MOST_IN_VOXEL - 1);
-                self.first.insert(at, (rank, index));
-            }
-        }
-    }
-
-    /// Takes the points off the sum of all points.
-    fn leave_out_of(&self, all: &mut PointSum) {
-        for ((_, point, _), _) in &self.first {
-            all.remove(*point);
-        }
-    }
-
-    /// The points' indices.
-    fn indices(&self) -> impl Iterator<Item = u32> + '_ {
-        self.first.iter().map(|&(_, index)| index)
-    }
 }
 
 #[cfg(test)]
