@@ -34,6 +34,9 @@ const NEAR_IN_SPACINGS: f64 = 2.0 * REACH_IN_SPACINGS;
 /// Seeds farther than near are not in the way of a longer step.
 const LONGEST_STEP_IN_SPACINGS: f64 = 0.5 * (NEAR_IN_SPACINGS - CLEARANCE_IN_SPACINGS);
 
+/// Allowance for rounding in comparisons of squared distances, as a share of them.
+const ROUNDING: f64 = 1e-9;
+
 /// Edge of the cells in which points are looked up.
 const POINT_CELL_IN_SPACINGS: f64 = 0.5;
 
@@ -53,7 +56,8 @@ impl Election<'_> {
                     let seed = self.local(seed);
                     let spacing = field.at(seed);
                     around.gather(seed, &seeds, &by_cell, spacing);
-                    around.nearest_to(around.middle()?, spacing)
+                    let middle = around.middle()?;
+                    around.nearest_to(middle, spacing)
                 })
                 .collect();
             for (seed, to) in self.seeds[first..].iter_mut().zip(moves) {
@@ -89,22 +93,27 @@ impl Surroundings {
         });
     }
 
-    /// The mean of the seed's own points, each with its squared distance from the seed as its weight; `None` if all of
-    /// them are where the seed is.
-    fn middle(&self) -> Option<Local> {
+    /// Leaves the seed's own points, and returns their mean, each with its squared distance from the seed as its weight;
+    /// `None` if all of them are where the seed is.
+    fn middle(&mut self) -> Option<Local> {
         let (mut sum, mut total) = (Local::zeros(), 0.0);
-        for &(_, point, squared) in &self.points {
-            let is_nearer = |other: &Neighbor| (other.position - point).norm_squared() < squared;
-            if !self.others.iter().any(is_nearer) {
+        let others = &self.others;
+        self.points.retain(|&(_, point, squared)| {
+            // No seed is nearer to the point that is more than twice as far from this one as the point.
+            let farthest = 4.0 * squared * (1.0 + ROUNDING);
+            let mut near = others.iter().take_while(|other| other.distance_squared <= farthest);
+            let is_own = near.all(|other| (other.position - point).norm_squared() >= squared);
+            if is_own {
                 sum += (point - self.seed) * squared;
                 total += squared;
             }
-        }
+            is_own
+        });
         (total > 0.0).then(|| self.seed + sum / total)
     }
 
-    /// The index of the point nearest to `middle` to which the seed may move; `None` if no such point is nearer than the
-    /// seed is.
+    /// The index of the own point nearest to `middle` to which the seed may move, since all points that keep it clear of the
+    /// others are its own; `None` if no such point is nearer than the seed is.
     fn nearest_to(&self, middle: Local, spacing: f64) -> Option<u32> {
         let longest = LONGEST_STEP_IN_SPACINGS * spacing;
         let mut nearest = ((middle - self.seed).norm_squared(), None);
