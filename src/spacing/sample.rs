@@ -24,8 +24,8 @@ const POINTS_PER_PART: [f64; 2] = [22_500.0, 1_000_000.0];
 const MOST_COUNTED_IN_KEPT: f64 = 8.0;
 /// Points of a part beyond which they are thinned while they are gathered.
 const PART_THINNING_LIMIT: u64 = 500_000;
-/// Points of all parts that are in memory at a time.
-const POINTS_IN_MEMORY: u64 = 1_000_000;
+/// Points of all parts that are in memory at a time: four parts that are thinned.
+const POINTS_IN_MEMORY: u64 = 4 * PART_THINNING_LIMIT;
 /// Parts whose voxels are counted even if their points are more than the caller's limit.
 const MIN_COUNTED_PARTS: usize = 24;
 /// What a part sees around it, in spacings of the first guess. It serves a count, not seeds that others
@@ -207,13 +207,13 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
 }
 
 /// The results of `work` for all `tiles`, in their order. Tiles are worked on in parallel, as many at a time
-/// as have no more than [`POINTS_IN_MEMORY`] points together.
+/// as have no more than [`POINTS_IN_MEMORY`] points together once they are thinned.
 fn by_tile<E: Send>(
     tiles: &[Tile],
     work: impl Fn(&Tile) -> Result<u64, E> + Sync,
 ) -> Result<Vec<u64>, E> {
     let most = tiles.iter().map(|tile| tile.points_seen).max().unwrap_or(0);
-    let at_a_time = (POINTS_IN_MEMORY / most.max(1)).max(1) as usize;
+    let at_a_time = (POINTS_IN_MEMORY / most.clamp(1, PART_THINNING_LIMIT)) as usize;
     let mut results = Vec::with_capacity(tiles.len());
     for tiles in tiles.chunks(at_a_time) {
         let part: Result<Vec<u64>, E> = tiles.par_iter().with_max_len(1).map(&work).collect();

@@ -101,7 +101,9 @@ impl Surroundings {
         self.points.retain(|&(_, point, squared)| {
             // No seed is nearer to the point that is more than twice as far from this one as the point.
             let farthest = 4.0 * squared * (1.0 + ROUNDING);
-            let mut near = others.iter().take_while(|other| other.distance_squared <= farthest);
+            let mut near = others
+                .iter()
+                .take_while(|other| other.distance_squared <= farthest);
             let is_own = near.all(|other| (other.position - point).norm_squared() >= squared);
             if is_own {
                 sum += (point - self.seed) * squared;
