@@ -45,8 +45,9 @@ pub(crate) const FIT_RADIUS_IN_SPACINGS: f64 = 1.2;
 /// Default width of the widest hole that is closed.
 pub(crate) const FILL_IN_SPACINGS: f64 = 4.0;
 
-/// Bound on the chains of an election, and on the reach of the normals of its lattices.
-const SEED_MARGIN_IN_SPACINGS: f64 = 8.0;
+/// Bound on the chains of an election, and on the reach of its lattices: they go on for a spacing, and their normals are
+/// averaged over two.
+const SEED_MARGIN_IN_SPACINGS: f64 = 9.0;
 /// Seeds nearer to each other than this belong together, when isolated ones are sought: on a surface the nearest seed is
 /// hardly ever as far.
 const LINK_IN_SPACINGS: f64 = 1.25;

@@ -2,7 +2,13 @@
 
 use rayon::prelude::*;
 
-use super::{election::Election, nodes::Nodes, rule::SeedRule};
+use super::{
+    election::{
+        ELECTION_RADIUS_IN_SPACINGS, Election, GAP_RADIUS_IN_SPACINGS, NODE_RADIUS_IN_SPACINGS,
+    },
+    nodes::{Nodes, RankedNodes},
+    rule::SeedRule,
+};
 use crate::{geometry::Stored, lloyd::surface::Surface};
 
 /// The seeds of an election, in no particular order.
@@ -10,13 +16,14 @@ pub(super) fn elected(surface: Surface<'_>) -> Vec<Stored> {
     let scan = surface.scan;
     let mut election = Election::new(surface);
     if surface.options.seeds == SeedRule::Poisson {
-        election.elect(scan.points().iter().copied());
+        election.elect(scan.points().iter().copied(), ELECTION_RADIUS_IN_SPACINGS);
         return election.seeds;
     }
-    // Where one lattice ends and the next begins, nodes are nearer to each other than seeds
-    // may be: they are elected, too.
+    // Where one lattice goes on into the next, nodes are nearer to each other than seeds may be: they are elected, too.
     let nodes = Nodes::new(surface);
-    election.elect_in_order(nodes.on_surface(surface));
+    let RankedNodes { trusted, doubtful } = nodes.on_surface(surface);
+    election.elect_in_order(trusted, NODE_RADIUS_IN_SPACINGS);
+    election.elect_in_order(doubtful, ELECTION_RADIUS_IN_SPACINGS);
     // One point to a voxel says where a surface is. Elsewhere every point counts: what no seed
     // covers there is not covered later.
     let is_on_surface = |voxel: &&[Stored]| nodes.have(scan.quantization().local(voxel[0]));
@@ -26,7 +33,7 @@ pub(super) fn elected(surface: Surface<'_>) -> Vec<Stored> {
     if surface.field().is_constant() {
         let surfaces = surfaces.into_par_iter();
         let surfaces: Vec<Stored> = surfaces.filter_map(|v| scan.representative(v)).collect();
-        election.elect(surfaces.into_iter());
+        election.elect(surfaces.into_iter(), GAP_RADIUS_IN_SPACINGS);
     } else {
         // Where the spacing grows there are no nodes, and the seeds stand as densely as it says.
         election.elect_points(&surfaces.concat(), &share_at);
@@ -34,7 +41,7 @@ pub(super) fn elected(surface: Surface<'_>) -> Vec<Stored> {
     let (on_surfaces, loose) = (election.seeds.len(), loose.concat());
     election.elect_loose(&loose, &share_at);
     election.center(on_surfaces, &loose);
-    election.elect(scan.filling().iter().copied());
+    election.elect(scan.filling().iter().copied(), GAP_RADIUS_IN_SPACINGS);
     election.seeds
 }
 

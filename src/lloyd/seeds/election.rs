@@ -18,6 +18,15 @@ use crate::{
 /// on a sheet, see the test `the_election_meets_the_density`).
 pub(super) const ELECTION_RADIUS_IN_SPACINGS: f64 = 0.745;
 
+/// Radius of the election of nodes on surfaces that are trusted fully. Between two lattices a gap of up to a row is left beyond it:
+/// with a wider radius gaps are too wide on the mean, and points of the scan fill them with defects. With a narrower one some
+/// sites stay nearer to each other than those of a surface are.
+pub(super) const NODE_RADIUS_IN_SPACINGS: f64 = 0.7;
+
+/// Radius of the election of points between nodes: the iterations close a gap that is narrower. On a simulated street of
+/// 5 M points (100 K sites) 92.8 % of the sites have six neighbours with the election radius, 93.2 % with this one.
+pub(super) const GAP_RADIUS_IN_SPACINGS: f64 = 0.8;
+
 /// The share of its radius with which an election among points of a scan, of which there are `count` to a seed, is as dense as it has
 /// to be.
 ///
@@ -63,14 +72,14 @@ impl<'a> Election<'a> {
     }
 
     /// Elects candidates in the order of their ranks, equal ranks in the order of their
-    /// priorities. A candidate within the election radius of a seed is passed over.
-    pub(super) fn elect_in_order(&mut self, candidates: Vec<(u32, Stored)>) {
-        self.elect_apart(candidates, |_, _| ELECTION_RADIUS_IN_SPACINGS);
+    /// priorities. A candidate within `radius` (spacings) of a seed is passed over.
+    pub(super) fn elect_in_order(&mut self, candidates: Vec<(u32, Stored)>, radius: f64) {
+        self.elect_apart(candidates, radius, |_, _| 1.0);
     }
 
-    /// Elects candidates of equal rank.
-    pub(super) fn elect(&mut self, candidates: impl Iterator<Item = Stored>) {
-        self.elect_in_order(candidates.map(|point| (0, point)).collect());
+    /// Elects candidates of equal rank, each at least `radius` (spacings) from all seeds.
+    pub(super) fn elect(&mut self, candidates: impl Iterator<Item = Stored>, radius: f64) {
+        self.elect_in_order(candidates.map(|point| (0, point)).collect(), radius);
     }
 
     /// Elects `points` of the scan, all of equal rank, with the share of the radius that `share_at` gives.
@@ -80,9 +89,7 @@ impl<'a> Election<'a> {
         share_at: impl Fn(Local, f64) -> f64 + Sync,
     ) {
         let candidates = points.iter().map(|&point| (0, point)).collect();
-        self.elect_apart(candidates, |position, spacing| {
-            ELECTION_RADIUS_IN_SPACINGS * share_at(position, spacing)
-        });
+        self.elect_apart(candidates, ELECTION_RADIUS_IN_SPACINGS, share_at);
     }
 
     /// The share of its radius with which an election among the points of the scan is as dense as it has to be, at a position
@@ -101,12 +108,13 @@ impl<'a> Election<'a> {
     }
 
     /// Elects candidates in the order of their ranks, equal ranks in the order of their priorities. Two of them stand apart by
-    /// the mean of the radii (in spacings, at most the election radius) that `radius_at` gives for their positions and
-    /// spacings (CRS units): it does not matter which of the two is elected first.
+    /// the mean of the shares of `radius` (spacings) that `share_at` gives for their positions and spacings (CRS units), at most 1:
+    /// it does not matter which of the two is elected first.
     fn elect_apart(
         &mut self,
         mut candidates: Vec<(u32, Stored)>,
-        radius_at: impl Fn(Local, f64) -> f64 + Sync,
+        radius: f64,
+        share_at: impl Fn(Local, f64) -> f64 + Sync,
     ) {
         let (field, earlier) = (self.surface.field(), self.grid());
         // Earlier seeds cover most candidates.
@@ -116,7 +124,7 @@ impl<'a> Election<'a> {
             .filter(|&(_, point)| {
                 let position = self.local(point);
                 let spacing = field.at(position);
-                let mean = 0.5 * (ELECTION_RADIUS_IN_SPACINGS + radius_at(position, spacing));
+                let mean = 0.5 * (radius + radius * share_at(position, spacing));
                 !earlier.any_within(position, mean * spacing)
             })
             .collect();
@@ -127,10 +135,10 @@ impl<'a> Election<'a> {
             .par_iter()
             .zip(&spacings)
             .with_max_len(ITEMS_PER_TASK);
-        let radius = |(&position, &spacing)| radius_at(position, spacing) * spacing;
-        let radii: Vec<f64> = places.map(radius).collect();
-        let grid = field.grid_by(&positions, &spacings, ELECTION_RADIUS_IN_SPACINGS);
-        let widening = field.widening(ELECTION_RADIUS_IN_SPACINGS);
+        let own_radius = |(&position, &spacing)| radius * share_at(position, spacing) * spacing;
+        let radii: Vec<f64> = places.map(own_radius).collect();
+        let grid = field.grid_by(&positions, &spacings, radius);
+        let widening = field.widening(radius);
         let mut is_covered = vec![false; candidates.len()];
         for (number, &(_, candidate)) in candidates.iter().enumerate() {
             if is_covered[number] {
@@ -138,7 +146,7 @@ impl<'a> Election<'a> {
             }
             self.seeds.push(candidate);
             let center = positions[number];
-            let reach = ELECTION_RADIUS_IN_SPACINGS * spacings[number] * widening;
+            let reach = radius * spacings[number] * widening;
             grid.visit_around(center, reach, |other, position| {
                 let radius = 0.5 * (radii[number] + radii[other as usize]);
                 let squared = (position - center).norm_squared();

@@ -6,8 +6,10 @@
 //! ```
 //!
 //! The lattice follows from a normal alone, rounded to one of a few directions: two tiles, and
-//! two ends of a long wall, have the same nodes. Only products and roots are used, so that
-//! every machine finds the same bits.
+//! two ends of a long wall, have the same nodes. Rows run along x; where the normal is nearest to
+//! x, along z. Rows of the one and of the other kind then fit each other where a surface turns
+//! from z to x, and rows along x where it turns from z to y. Only products and roots are used, so
+//! that every machine finds the same bits.
 
 use crate::geometry::Local;
 
@@ -51,13 +53,20 @@ impl Lattice {
             .map(|c| (c * NORMAL_STEP).clamp(-1.0, 1.0))
             .normalize();
         let mut u = Local::zeros();
-        u[(largest + 1) % 3] = 1.0;
+        u[if largest == 0 { 2 } else { 0 }] = 1.0;
         let u = (u - n * n.dot(&u)).normalize();
         let [x, y, z] = steps.map(|c| c as i8).into();
         Self {
             key: [largest as i8, x, y, z],
             axes: [u, n.cross(&u)],
         }
+    }
+
+    /// By how much a surface with the unit normal `normal` is tilted against the lattice: one less the
+    /// cosine of the angle.
+    pub(super) fn tilt(&self, normal: Local) -> f64 {
+        let [u, v] = self.axes;
+        (1.0 - u.cross(&v).dot(&normal).abs()).max(0.0)
     }
 
     /// The node nearest to `position`, for an edge of `spacing` (CRS units).

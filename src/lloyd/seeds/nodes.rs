@@ -2,8 +2,9 @@
 //!
 //! The most even cover of a plane is a hexagonal lattice. So where the scan has a surface, the
 //! nodes of a lattice in its plane, put on the patches, are elected first. Where the surface
-//! bends, one lattice gives way to the next, and points of the scan fill what is left between
-//! them.
+//! bends, one lattice gives way to the next: each goes on into the other until their nodes are too
+//! near to each other, and those of the one that is tilted less against the surface stay. Points of
+//! the scan fill what is left.
 //!
 //! Lloyd's method alone never gets there: from random seeds it ends in small grains with
 //! defects all around, and every pair of defects takes hundreds of iterations to meet and
@@ -18,12 +19,12 @@ use rayon::prelude::*;
 
 use super::{
     lattice::Lattice,
-    normals::{LatticeCells, by_block},
+    normals::{CellLattice, LatticeCells, by_block},
 };
 use crate::{
     geometry::{Local, Stored},
     lloyd::{
-        step::{Fit, Samples},
+        step::{Fit, Restriction, Samples},
         surface::Surface,
     },
 };
@@ -31,9 +32,38 @@ use crate::{
 /// Samples nearer to each other than this whose nearest node is the same are of one surface.
 const SAME_NODE_IN_SPACINGS: f64 = 0.8;
 
+/// A node is a seed if a point of the scan is within this of it. The boundary restriction is as narrow
+/// as the scan is dense, and of points at random none is that near to one node in twenty. With those
+/// nodes missing, planes had vacancies, which iterations do not close: on the planes of a simulated street of
+/// 5 M points the energy ratio was 1.0022 without them and 1.0005 with all of them.
+const NEAR_POINT_IN_SPACINGS: f64 = 0.45;
+
+/// Nodes in such gaps are seeds where the patch is trusted fully, and where the mean of the samples around them is nearer to them
+/// than this share of the fit radius: at a border or an edge it is farther, and what is not scanned there is no gap.
+const LARGEST_OFFSET_IN_FIT_RADII: f64 = 0.25;
+
+/// A lattice goes on into cells nearby only where the patch is trusted fully, and the scan reaches at least this far in every
+/// direction: behind an edge or a border the patch is none of the surface that the lattice comes from. On a simulated street of 5 M
+/// points (100 K sites) the p99 of the distances to the surface is 0.199 spacings with lattices that go on everywhere, 0.171 with those
+/// that go on where patches are trusted fully, and 0.147 with this.
+const LEAST_REACH_IN_SPACINGS: f64 = 0.4;
+
+/// Distances of samples to nodes, in thousandths of a spacing, are less than this.
+const RANKS_TO_A_TILT: u32 = 1000;
+
 /// The lattices of a scan.
 pub(super) struct Nodes {
     lattices: LatticeCells,
+}
+
+/// Nodes on surfaces, each with its rank: of two that are too near to each other the one with the lower rank is elected.
+pub(super) struct RankedNodes {
+    /// The nodes on patches that are trusted fully, ranked by the tilt of the lattice, then by the distance to the sample that the
+    /// node was found from.
+    pub(super) trusted: Vec<(u32, Stored)>,
+    /// The other nodes, ranked by that distance alone. They are elected after those that are trusted, with the usual radius, and so
+    /// take the place of none: on the simulated street 97 instead of 101 sites are astray.
+    pub(super) doubtful: Vec<(u32, Stored)>,
 }
 
 /// A sample near a node.
@@ -47,6 +77,10 @@ struct Candidate {
     /// Squared distance (spacings squared) from the line through the node along the normal.
     squared: f64,
     sample: Local,
+    /// The rank of the tilt of the lattice against the surface.
+    tilt_rank: u32,
+    /// Whether the lattice is that of the cell that the sample is in.
+    is_own: bool,
 }
 
 impl Nodes {
@@ -62,20 +96,23 @@ impl Nodes {
         self.lattices.have(position)
     }
 
-    /// The nodes that lie on `surface`, moved onto its patches, each with the distance to the
-    /// sample that it was found from (thousandths of a spacing).
-    pub(super) fn on_surface(&self, surface: Surface<'_>) -> Vec<(u32, Stored)> {
+    /// The nodes that lie on `surface`, moved onto its patches.
+    pub(super) fn on_surface(&self, surface: Surface<'_>) -> RankedNodes {
         let candidates = self.candidates(surface);
         let above: Vec<Local> = candidates
             .iter()
             .map(|own| own.lattice.moved_to_node(own.sample, own.spacing))
             .collect();
-        by_block(&above, surface, |samples, own| {
+        let nodes = by_block(&above, surface, |samples, own| {
             let candidate = &candidates[own];
-            let position = candidate.on_patch(above[own], surface, samples)?;
-            let rank = (candidate.squared.sqrt() * 1e3) as u32;
-            Some((rank, surface.quantization().stored(position)?))
-        })
+            let (position, is_trusted) = candidate.on_patch(above[own], surface, samples)?;
+            let stored = surface.quantization().stored(position)?;
+            Some((is_trusted, (candidate.rank(is_trusted), stored)))
+        });
+        let (trusted, doubtful): (Vec<_>, Vec<_>) = nodes.into_iter().partition(|node| node.0);
+        let [trusted, doubtful] =
+            [trusted, doubtful].map(|nodes| nodes.into_iter().map(|(_, ranked)| ranked).collect());
+        RankedNodes { trusted, doubtful }
     }
 
     /// For every node near a surface the sample nearest to it. Where the spacing varies from place to place there are no nodes.
@@ -90,12 +127,11 @@ impl Nodes {
         let cells: Vec<_> = cells.ranges().zip(lattices).collect();
         let mut candidates: Vec<Candidate> = cells
             .into_par_iter()
-            .filter_map(|(range, lattice)| Some((&order[range], (*lattice)?)))
-            .map(|(indices, lattice)| {
-                let in_cell = indices.iter().map(|&i| samples[i as usize]);
-                candidates_of_cell(in_cell, lattice, surface)
+            .flat_map_iter(|(range, lattices)| {
+                let in_cell = move || order[range.clone()].iter().map(|&i| samples[i as usize]);
+                let of_lattice = move |&lattice| candidates_of_cell(in_cell(), lattice, surface);
+                lattices.iter().flat_map(of_lattice)
             })
-            .flatten_iter()
             .collect();
         candidates.par_sort_unstable_by(Candidate::cmp);
         // Most nodes were found from more than one cell.
@@ -114,12 +150,17 @@ impl Nodes {
     }
 }
 
-/// For every node the nearest of the `samples` of a cell with this `lattice`.
+/// For every node of a lattice the nearest of the `samples` of a cell.
 fn candidates_of_cell(
     samples: impl Iterator<Item = Local>,
-    lattice: Lattice,
+    of_cell: CellLattice,
     surface: Surface<'_>,
 ) -> Vec<Candidate> {
+    let CellLattice {
+        lattice,
+        tilt_rank,
+        is_own,
+    } = of_cell;
     let mut best: Vec<Candidate> = Vec::new();
     for sample in samples {
         let Some(spacing) = surface.field().wanted_at(sample) else {
@@ -132,6 +173,8 @@ fn candidates_of_cell(
             node: nearest.index,
             squared: nearest.squared(),
             sample,
+            tilt_rank,
+            is_own,
         };
         match best.iter_mut().find(|known| known.key() == candidate.key()) {
             Some(known) if candidate.squared < known.squared => *known = candidate,
@@ -143,9 +186,14 @@ fn candidates_of_cell(
 }
 
 impl Candidate {
-    /// The node of the candidate on the patch of `surface` at the position `above` it, if the
-    /// node is near the scan.
-    fn on_patch(&self, above: Local, surface: Surface<'_>, samples: &mut Samples) -> Option<Local> {
+    /// The node of the candidate on the patch of `surface` at the position `above` it, and whether the patch is trusted fully, if
+    /// the node is near the scan.
+    fn on_patch(
+        &self,
+        above: Local,
+        surface: Surface<'_>,
+        samples: &mut Samples,
+    ) -> Option<(Local, bool)> {
         let options = surface.options_at(above);
         let surface = surface.with(&options);
         let mut fit = Fit::trusted(above, samples, &options)?;
@@ -154,7 +202,34 @@ impl Candidate {
         let foot = fit.patch.foot_point(above);
         let node = self.lattice.moved_to_node(foot, self.spacing);
         let position = fit.patch.foot_point(node);
-        fit.allows(position, surface).then_some(position)
+        let is_trusted = fit.trust >= 1.0;
+        let goes_on = self.is_own
+            || is_trusted
+                && fit.least_reach(above, surface, samples)
+                    >= LEAST_REACH_IN_SPACINGS * self.spacing;
+        let is_in_gap = |samples: &mut _| {
+            is_trusted
+                && options.restriction == Restriction::Local
+                && self.is_near_scan(position, surface)
+                && is_surrounded(above, surface, samples)
+        };
+        let is_node = goes_on && (fit.allows(position, surface) || is_in_gap(samples));
+        is_node.then_some((position, is_trusted))
+    }
+
+    /// Whether a point of the scan is near the node at `position`.
+    fn is_near_scan(&self, position: Local, surface: Surface<'_>) -> bool {
+        let reach = NEAR_POINT_IN_SPACINGS * self.spacing;
+        surface.scan.some_point_within(position, reach).is_some()
+    }
+
+    /// The rank of the node in its election.
+    fn rank(&self, is_trusted: bool) -> u32 {
+        let distance = (self.squared.sqrt() * f64::from(RANKS_TO_A_TILT)) as u32;
+        match is_trusted {
+            true => self.tilt_rank * RANKS_TO_A_TILT + distance,
+            false => distance,
+        }
     }
 
     /// What tells nodes apart.
@@ -177,6 +252,14 @@ impl Candidate {
                     .unwrap_or(Ordering::Equal)
             })
     }
+}
+
+/// Whether `position`, in the box of `samples`, has the scan all around it.
+fn is_surrounded(position: Local, surface: Surface<'_>, samples: &mut Samples) -> bool {
+    let radius = surface.options.fit_radius;
+    let (near, _, _) = samples.in_ball(position, radius);
+    let ways: Local = near.iter().map(|sample| sample - position).sum();
+    ways.norm() <= LARGEST_OFFSET_IN_FIT_RADII * radius * near.len() as f64
 }
 
 #[cfg(test)]
@@ -208,6 +291,7 @@ mod tests {
         let (nodes, scan, options) = plane(Local::x(), Local::y());
         let mut positions: Vec<Local> = nodes
             .on_surface(Surface::new(&scan, &options))
+            .trusted
             .into_iter()
             .map(|(_, position)| QUANTIZATION.local(position) / 0.5)
             .filter(|position| position.norm() < 4.0)
@@ -240,6 +324,7 @@ mod tests {
         let scan = Scan::as_scanned(wire, QUANTIZATION, &options);
         let nodes = Nodes::new(Surface::new(&scan, &options));
         assert!(!nodes.have(Local::new(1.0, 0.0, 0.0)));
-        assert!(nodes.on_surface(Surface::new(&scan, &options)).is_empty());
+        let RankedNodes { trusted, doubtful } = nodes.on_surface(Surface::new(&scan, &options));
+        assert!(trusted.is_empty() && doubtful.is_empty());
     }
 }

@@ -28,13 +28,32 @@ const LARGEST_RESIDUAL_IN_FIT_RADII: f64 = 0.15;
 /// A neighbourhood that is less round has no normal.
 const LEAST_ROUNDNESS: f64 = 0.3;
 
-/// The samples of a scan by cell, and the lattice of each cell.
+/// The lattices of cells up to this many cells away go on in a cell. Where each ended with its own
+/// cells, gaps of up to two rows were left between two lattices.
+const LATTICE_REACH_IN_CELLS: i32 = 1;
+
+/// A lattice with this tilt (one less the cosine) has the last rank.
+const LARGEST_TILT: f64 = 0.1;
+/// Number of ranks: the tilts that have one in common differ by less than a degree.
+const TILT_RANKS: f64 = 32.0;
+
+/// A lattice that has nodes in a cell.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CellLattice {
+    pub(super) lattice: Lattice,
+    /// Rank of its tilt against the surface in the cell: of two lattices the one that is tilted less comes first.
+    pub(super) tilt_rank: u32,
+    /// Whether it is that of the cell's own normal, and not only of a cell nearby.
+    pub(super) is_own: bool,
+}
+
+/// The samples of a scan by cell, and the lattices of each cell.
 pub(super) struct LatticeCells {
     pub(super) cells: LayeredCells,
     /// The indices of the samples, sorted by cell.
     pub(super) order: Vec<u32>,
-    /// The lattice of each occupied cell; `None` where the cell has no normal.
-    pub(super) lattices: Vec<Option<Lattice>>,
+    /// The lattices of each occupied cell; none where the cell has no normal.
+    pub(super) lattices: Vec<Vec<CellLattice>>,
 }
 
 impl LatticeCells {
@@ -51,11 +70,16 @@ impl LatticeCells {
         };
         let middles: Vec<Local> = ranges.par_iter().map(mean).collect();
         let normals = normals(&middles, surface);
-        let lattice = |(cell, own): (usize, &Option<Local>)| {
-            let normal = averaged(cell, middles[cell], (*own)?, &cells, &normals);
-            Some(Lattice::across(normal))
+        let of_cell = |(cell, own): (usize, &Option<Local>)| {
+            let normal = averaged(cell, middles[cell], (*own)?, &cells, &normals).normalize();
+            Some((Lattice::across(normal), normal))
         };
-        let lattices = normals.par_iter().enumerate().map(lattice).collect();
+        let of_cells: Vec<_> = normals.par_iter().enumerate().map(of_cell).collect();
+        let around = |(cell, own): (usize, &Option<(Lattice, Local)>)| {
+            let around = |&own: &_| around(cell, middles[cell], own, &cells, &of_cells);
+            own.as_ref().map_or_else(Vec::new, around)
+        };
+        let lattices = of_cells.par_iter().enumerate().map(around).collect();
         Self {
             cells,
             order,
@@ -66,7 +90,7 @@ impl LatticeCells {
     /// Whether there is a lattice, and so a surface, at `position`.
     pub(super) fn have(&self, position: Local) -> bool {
         let mut cells = self.cells.containing(position);
-        cells.any(|cell| self.lattices[cell].is_some())
+        cells.any(|cell| !self.lattices[cell].is_empty())
     }
 }
 
@@ -106,6 +130,33 @@ fn averaged(
         }
     });
     sum
+}
+
+/// The lattices of the same surface around the cell with the index `cell`, the position `inside` it and the lattice and normal
+/// `own`; `of_cells` has the lattice and the normal of each cell.
+fn around(
+    cell: usize,
+    inside: Local,
+    own: (Lattice, Local),
+    cells: &LayeredCells,
+    of_cells: &[Option<(Lattice, Local)>],
+) -> Vec<CellLattice> {
+    let (own, normal) = own;
+    let mut found: Vec<CellLattice> = Vec::with_capacity(1);
+    cells.visit_layer_around(cell, inside, LATTICE_REACH_IN_CELLS, |cell| {
+        if let Some((lattice, other)) = of_cells[cell]
+            && normal.dot(&other).abs() >= SAME_SURFACE_COSINE
+            && found.iter().all(|known| known.lattice.key != lattice.key)
+        {
+            let tilt = (lattice.tilt(normal) / LARGEST_TILT).min(1.0);
+            found.push(CellLattice {
+                lattice,
+                tilt_rank: (tilt.sqrt() * TILT_RANKS) as u32,
+                is_own: lattice.key == own.key,
+            });
+        }
+    });
+    found
 }
 
 /// Calls `work` for the index of every one of `positions`, in parallel, with the samples

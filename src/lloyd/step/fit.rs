@@ -182,6 +182,19 @@ impl Fit {
         reach
     }
 
+    /// How far the scan reaches around `position` on the patch, in the direction in which it reaches the least (CRS units). The
+    /// ball of `samples` is lost.
+    pub(crate) fn least_reach(
+        &self,
+        position: Local,
+        surface: Surface<'_>,
+        samples: &mut Samples,
+    ) -> f64 {
+        let (near, _, _) = samples.in_ball(self.anchor, surface.options.fit_radius);
+        let reach = reach_of(near, &self.patch, position, surface.spacing());
+        reach.into_iter().fold(f64::INFINITY, f64::min)
+    }
+
     /// The boundary restriction (paper, section IV-E): whether the site may move to
     /// `position`.
     pub(crate) fn allows(&mut self, position: Local, surface: Surface<'_>) -> bool {
