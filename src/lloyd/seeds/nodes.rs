@@ -277,9 +277,20 @@ mod tests {
 
     /// A plane through the origin that contains `u` and `v`, with a point every 50 stored units.
     fn plane(u: Local, v: Local) -> (Nodes, Scan, SolverOptions) {
+        part_of_plane(u, v, |_| true)
+    }
+
+    /// The points of such a plane that `is_scanned` is true for.
+    fn part_of_plane(
+        u: Local,
+        v: Local,
+        is_scanned: impl Fn(Local) -> bool,
+    ) -> (Nodes, Scan, SolverOptions) {
         let points: Vec<Stored> = (-60..60)
             .flat_map(|i| (-60..60).map(move |j| (f64::from(i), f64::from(j))))
-            .filter_map(|(i, j)| QUANTIZATION.stored(u * (0.05 * i) + v * (0.05 * j)))
+            .map(|(i, j)| u * (0.05 * i) + v * (0.05 * j))
+            .filter(|&position| is_scanned(position))
+            .filter_map(|position| QUANTIZATION.stored(position))
             .collect();
         let options = SolverOptions::new(0.5);
         let scan = Scan::as_scanned(points, QUANTIZATION, &options);
@@ -306,6 +317,20 @@ mod tests {
         // The disc has room for this many.
         assert!((50..=64).contains(&count), "{count}");
         assert!(positions.is_empty(), "{positions:?}");
+    }
+
+    #[test]
+    fn a_gap_in_the_scan_has_its_node_and_what_lies_beyond_a_border_has_none() {
+        let has_origin = |is_scanned: fn(Local) -> bool| {
+            let (nodes, scan, options) = part_of_plane(Local::x(), Local::y(), is_scanned);
+            let RankedNodes { trusted, doubtful } = nodes.on_surface(Surface::new(&scan, &options));
+            let is_it = |&(_, node): &_| QUANTIZATION.local(node).norm() < 0.005;
+            trusted.iter().chain(&doubtful).any(is_it)
+        };
+        assert!(has_origin(|position| position.norm() > 0.18));
+        assert!(!has_origin(|position| position.x > 0.18));
+        // No point of the scan is near to the node.
+        assert!(!has_origin(|position| position.norm() > 0.25));
     }
 
     #[test]
