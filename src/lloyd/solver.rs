@@ -309,7 +309,8 @@ mod tests {
             iterations: 3,
             ..SolverOptions::new(edge)
         };
-        for [u, v] in [[Local::x(), Local::y()], [Local::y(), Local::z()]] {
+        // The rows of the scan run as those of the seeds do.
+        for [u, v] in [[Local::x(), Local::y()], [Local::z(), Local::y()]] {
             let (solution, rings) = with_rings(&lattice(edge, u, v), &options);
             let (mut inner, mut open) = (0, 0);
             for (k, site) in solution.sites.iter().enumerate() {
