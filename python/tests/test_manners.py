@@ -19,6 +19,7 @@ import pytest
 from conftest import PROGRAM, sheet
 
 import lloydar
+from lloydar import _tasks
 
 SCAN = sheet(300)
 
@@ -209,6 +210,29 @@ def test_several_threads_may_measure_and_run_at_once(street: list[Path], tmp_pat
     with ThreadPoolExecutor(4) as pool:
         (cloud, measured), *others = pool.map(job, range(6))
     assert all(other == (cloud, measured) for other in others)
+
+
+class Interrupted:
+    """Work that was interrupted, and ends when it is told to."""
+
+    def __init__(self) -> None:
+        self.ended = threading.Event()
+
+    def wait(self, seconds: float) -> bool:
+        return self.ended.wait(seconds)
+
+
+def test_several_threads_may_wait_for_interrupted_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    work = [Interrupted() for _ in range(3)]
+    monkeypatch.setattr(_tasks, "_abandoned", list(work))
+    with ThreadPoolExecutor(4) as pool:
+        waiting = [pool.submit(_tasks.wait_for_abandoned) for _ in range(4)]
+        for interrupted_work in work:
+            time.sleep(0.1)
+            interrupted_work.ended.set()
+        for waiter in waiting:
+            waiter.result(timeout=10)
+    assert _tasks._abandoned == []
 
 
 def points_in_child(queue: multiprocessing.Queue[bytes]) -> None:

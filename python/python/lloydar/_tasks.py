@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Union
 
@@ -80,7 +81,7 @@ def follow(task: Task, progress: ProgressOption) -> Any:
         task.cancel()
         _abandoned.append(task)
         if task.wait(_GRACE):
-            _abandoned.remove(task)
+            _forget(task)
         raise
     finally:
         listener.close()
@@ -89,9 +90,16 @@ def follow(task: Task, progress: ProgressOption) -> Any:
 
 def wait_for_abandoned() -> None:
     """Waits until interrupted work has ended: the next job may want its directory."""
-    while _abandoned:
-        if _abandoned[0].wait(_INTERVAL):
-            _abandoned.pop(0)
+    for task in list(_abandoned):
+        while not task.wait(_INTERVAL):
+            pass
+        _forget(task)
+
+
+def _forget(task: Task) -> None:
+    # Another thread that waited for the task may have been first.
+    with suppress(ValueError):
+        _abandoned.remove(task)
 
 
 class _Listener:

@@ -56,3 +56,24 @@ pub(crate) fn write_file(path: &Path, content: &[u8]) -> Result<(), JobError> {
         .and_then(|()| fs::rename(&part, path))
         .map_err(|e| JobError::io("write", path, e))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::spread;
+
+    /// A job that is continued must go on with the same numbers: a spacing that is off by the last bit
+    /// makes another cloud.
+    #[test]
+    fn numbers_come_back_to_the_bit() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("numbers.json");
+        let numbers: Vec<f64> = (0..10_000)
+            .map(|k| spread(k) as f64 / u64::MAX as f64 * 10_f64.powi((k % 13) as i32 - 6))
+            .collect();
+        write_json(&path, &numbers).unwrap();
+        let found: Vec<f64> = read_json(&path).unwrap();
+        let bits = |numbers: &[f64]| -> Vec<u64> { numbers.iter().map(|n| n.to_bits()).collect() };
+        assert_eq!(bits(&found), bits(&numbers));
+    }
+}
