@@ -46,38 +46,25 @@ impl CellPoints {
     /// Keeps those records of `record_length` bytes that `thinning` keeps, and the sums of the
     /// other points. Of several records at one position the smallest is kept.
     pub(super) fn thin(&mut self, record_length: usize, thinning: &Thinning) {
-        let thinned = Self::thinned(&self.records, &self.sums, record_length, thinning);
-        if let Some(thinned) = thinned {
-            *self = thinned;
-        }
-    }
-
-    /// What `thinning` leaves of `records` and `sums`; `None` if that is all of them.
-    pub(super) fn thinned(
-        records: &[u8],
-        sums: &[PointSum],
-        record_length: usize,
-        thinning: &Thinning,
-    ) -> Option<Self> {
         let record = |index: u32| {
             let start = index as usize * record_length;
-            &records[start..start + record_length]
+            &self.records[start..start + record_length]
         };
-        let points: Vec<Stored> = records
-            .chunks_exact(record_length)
+        let points: Vec<Stored> = (self.records.chunks_exact(record_length))
             .map(Stored::of_record)
             .collect();
-        let (kept, others) = thinning.thin(&points, &[], sums, |a, b| record(a).cmp(record(b)));
-        let is_all = kept.len() == points.len() && others.len() == sums.len();
-        (!is_all).then(|| {
-            let mut left = Vec::with_capacity(kept.len() * record_length);
-            kept.iter()
-                .for_each(|&index| left.extend_from_slice(record(index)));
-            Self {
-                records: left,
-                sums: others,
-            }
-        })
+        let order = |a, b| record(a).cmp(record(b));
+        let (kept, others) = thinning.thin(&points, &[], &self.sums, order);
+        if kept.len() == points.len() && others.len() == self.sums.len() {
+            return;
+        }
+        let mut left = Vec::with_capacity(kept.len() * record_length);
+        kept.iter()
+            .for_each(|&index| left.extend_from_slice(record(index)));
+        *self = Self {
+            records: left,
+            sums: others,
+        };
     }
 
     /// Appends the bytes of `sums`, each its count and its sums of x, y and z as little endian

@@ -6,8 +6,8 @@
 //!   source ─► decoder ┘   (back-pressure)    └ … a fixed number ┘   (appended)
 //! ```
 //!
-//! Decoders take the sources in their order, one at a time each, and sort a batch by cell before
-//! they send it. One [`SpillAppender`] owns the buffers; when none is free, the fullest is
+//! Decoders take the sources in their order, one at a time each, and sort a batch by cell, or thin it,
+//! before they send it. One [`SpillAppender`] owns the buffers; when none is free, the fullest is
 //! flushed, so that memory and open files stay the same however many cells there are. The order
 //! of points within a cell depends on the threads; whatever reads the spill sorts.
 //!

@@ -5,8 +5,8 @@ use std::ops::Range;
 use super::survey::Survey;
 use crate::job::cluster::GROUP_LIMIT;
 
-/// Number of points in a part of an input: few enough that decoders end together, and that little is
-/// read ahead of the decoder of a remote file, which are some four million bytes.
+/// Number of points in a part of an input: few enough that decoders end together, and that what is read
+/// ahead of the decoder of a remote file is not much shorter: a part takes some four million bytes.
 const POINTS_PER_PART: u64 = 250_000;
 
 /// Largest number of points in a group of parts, as long as there are at most [`GROUP_LIMIT`]

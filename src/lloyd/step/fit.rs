@@ -8,7 +8,7 @@ use crate::{
     lloyd::{SolverOptions, surface::Surface},
 };
 
-/// Radius of the polygon that a cell is clipped from. Seeds cover surfaces at 0.745 spacings,
+/// Radius of the polygon that a cell is clipped from. Seeds cover surfaces at 0.8 spacings,
 /// so no cell inside one reaches it.
 pub(super) const BOUNDING_RADIUS_IN_SPACINGS: f64 = 1.0;
 
