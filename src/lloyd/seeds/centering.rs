@@ -14,8 +14,8 @@
 
 use rayon::prelude::*;
 
-use super::election::Election;
-use crate::geometry::{ITEMS_PER_TASK, Local, Neighbor, NeighborGrid, Stored};
+use super::{bricks::Brick, election::Election};
+use crate::geometry::{ITEMS_PER_TASK, Local, NeighborGrid, Stored};
 
 /// Number of times that all seeds move. On a forest (0.8 M points to 8 K) one seed in eight still moves the second
 /// time, one in fifty the fifth time.
@@ -28,117 +28,154 @@ const CLEARANCE_IN_SPACINGS: f64 = 0.8;
 /// Radius of the points that a seed may stand for.
 const REACH_IN_SPACINGS: f64 = 1.0;
 
-/// Other seeds that may be nearer to one of these points are within this radius.
-const NEAR_IN_SPACINGS: f64 = 2.0 * REACH_IN_SPACINGS;
+/// Other seeds may be in the way of a step if they are within this radius.
+const NEAR_IN_SPACINGS: f64 = 2.0;
 
 /// Seeds farther than near are not in the way of a longer step.
 const LONGEST_STEP_IN_SPACINGS: f64 = 0.5 * (NEAR_IN_SPACINGS - CLEARANCE_IN_SPACINGS);
 
-/// Allowance for rounding in comparisons of squared distances, as a share of them.
+/// Allowance for rounding in comparisons of distances, as a share of them.
 const ROUNDING: f64 = 1e-9;
-
-/// Edge of the cells in which points are looked up.
-const POINT_CELL_IN_SPACINGS: f64 = 0.5;
 
 impl Election<'_> {
     /// Moves the seeds from number `first` on, which were elected among `points`, to the middle of
-    /// the points around them.
+    /// the points around them. The points are sorted by voxel.
     pub(super) fn center(&mut self, first: usize, points: &[Stored]) {
         let field = self.surface.field();
-        let positions: Vec<Local> = points.par_iter().map(|&point| self.local(point)).collect();
-        let by_cell = field.grid(&positions, POINT_CELL_IN_SPACINGS);
         for _ in 0..ROUNDS {
+            let own = OwnPoints::new(self, first, points);
             let seeds = self.grid();
-            let moves: Vec<Option<u32>> = self.seeds[first..]
-                .par_iter()
+            let moves: Vec<Stored> = (self.seeds[first..].par_iter().enumerate())
                 .with_max_len(ITEMS_PER_TASK)
-                .map_init(Surroundings::default, |around, &seed| {
-                    let seed = self.local(seed);
-                    let spacing = field.at(seed);
-                    around.gather(seed, &seeds, &by_cell, spacing);
-                    let middle = around.middle()?;
-                    around.nearest_to(middle, spacing)
+                .map_init(Vec::new, |others, (number, &seed)| {
+                    let position = self.local(seed);
+                    let spacing = field.at(position);
+                    let reach = REACH_IN_SPACINGS * spacing;
+                    let own = own.of_seed(number).iter().map(|&index| {
+                        let point = points[index as usize];
+                        (point, self.local(point))
+                    });
+                    let near = own.filter(|(_, point)| (point - position).norm() <= reach);
+                    let to = moved(position, spacing, near, &seeds, others);
+                    to.unwrap_or(seed)
                 })
                 .collect();
-            for (seed, to) in self.seeds[first..].iter_mut().zip(moves) {
-                *seed = to.map_or(*seed, |point| points[point as usize]);
-            }
+            self.seeds.truncate(first);
+            self.seeds.extend(moves);
         }
     }
 }
 
-/// What is around a seed.
-#[derive(Default)]
-struct Surroundings {
-    seed: Local,
-    /// The other seeds that are near, nearest first.
-    others: Vec<Neighbor>,
-    /// The points within reach, with their indices and their squared distances from the seed (CRS units squared), in
-    /// an order that is the same in all tiles.
-    points: Vec<(u32, Local, f64)>,
+/// The points that each of several seeds stands for.
+struct OwnPoints {
+    /// The points of seed k are `order[starts[k]..starts[k + 1]]`.
+    starts: Vec<u32>,
+    /// The indices of the points, by seed, and for each seed in their order.
+    order: Vec<u32>,
 }
 
-impl Surroundings {
-    /// Gathers what is around `seed`, one of the `seeds`.
-    fn gather(&mut self, seed: Local, seeds: &NeighborGrid, points: &NeighborGrid, spacing: f64) {
-        self.seed = seed;
-        seeds.find_neighbors(seed, NEAR_IN_SPACINGS * spacing, &mut self.others);
-        let reach = REACH_IN_SPACINGS * spacing;
-        self.points.clear();
-        points.visit_around(seed, reach, |index, point| {
-            let squared = (point - seed).norm_squared();
-            if squared <= reach * reach {
-                self.points.push((index, point, squared));
-            }
+impl OwnPoints {
+    /// The `points`, which are sorted by voxel, of the seeds of `election` from number `first` on.
+    fn new(election: &Election<'_>, first: usize, points: &[Stored]) -> Self {
+        let nearest = election.by_brick(points, REACH_IN_SPACINGS, |brick| {
+            let places = brick.points.iter().map(|&point| election.local(point));
+            places.map(|place| nearest_seed(place, &brick)).collect()
         });
-    }
-
-    /// Leaves the seed's own points, and returns their mean, each with its squared distance from the seed as its weight;
-    /// `None` if all of them are where the seed is.
-    fn middle(&mut self) -> Option<Local> {
-        let (mut sum, mut total) = (Local::zeros(), 0.0);
-        let others = &self.others;
-        self.points.retain(|&(_, point, squared)| {
-            // No seed is nearer to the point that is more than twice as far from this one as the point.
-            let farthest = 4.0 * squared * (1.0 + ROUNDING);
-            let mut near = others
-                .iter()
-                .take_while(|other| other.distance_squared <= farthest);
-            let is_own = near.all(|other| (other.position - point).norm_squared() >= squared);
-            if is_own {
-                sum += (point - self.seed) * squared;
-                total += squared;
-            }
-            is_own
-        });
-        (total > 0.0).then(|| self.seed + sum / total)
-    }
-
-    /// The index of the own point nearest to `middle` to which the seed may move, since all points that keep it clear of the
-    /// others are its own; `None` if no such point is nearer than the seed is.
-    fn nearest_to(&self, middle: Local, spacing: f64) -> Option<u32> {
-        let longest = LONGEST_STEP_IN_SPACINGS * spacing;
-        let mut nearest = ((middle - self.seed).norm_squared(), None);
-        for &(index, point, squared) in &self.points {
-            let from_middle = (point - middle).norm_squared();
-            let is_better = from_middle < nearest.0 && squared <= longest * longest;
-            if is_better && self.keeps_clear(point - self.seed, spacing) {
-                nearest = (from_middle, Some(index));
+        let own = |seed: Option<u32>| (seed? as usize).checked_sub(first);
+        let mut starts = vec![0_u32; election.seeds.len() - first + 1];
+        for number in nearest.iter().filter_map(|&seed| own(seed)) {
+            starts[number + 1] += 1;
+        }
+        for number in 1..starts.len() {
+            starts[number] += starts[number - 1];
+        }
+        let mut next = starts.clone();
+        let mut order = vec![0; next[next.len() - 1] as usize];
+        for (index, &seed) in (0..).zip(&nearest) {
+            if let Some(number) = own(seed) {
+                order[next[number] as usize] = index;
+                next[number] += 1;
             }
         }
-        nearest.1
+        Self { starts, order }
     }
 
-    /// Whether the seed keeps clear of the bisector with every other one by half the clearance after this `step`, or does
-    /// not step towards it.
-    fn keeps_clear(&self, step: Local, spacing: f64) -> bool {
-        let clearance = CLEARANCE_IN_SPACINGS * spacing;
-        self.others.iter().all(|other| {
-            let distance = other.distance_squared.sqrt();
-            let along = step.dot(&(other.position - self.seed)) / distance;
-            along <= 0.5 * (distance - clearance).max(0.0)
-        })
+    /// The indices of the points of the seed with this `number`.
+    fn of_seed(&self, number: usize) -> &[u32] {
+        &self.order[self.starts[number] as usize..self.starts[number + 1] as usize]
     }
+}
+
+/// The number of the seed of `brick` that is nearest to `place`; of equally near ones that which comes first.
+fn nearest_seed(place: Local, brick: &Brick<'_>) -> Option<u32> {
+    let from_middle = (place - brick.middle).norm();
+    let (mut best, mut number, mut farthest) = (f64::INFINITY, None, f64::INFINITY);
+    for seed in brick.seeds {
+        // Nor are those nearer that follow: they are still farther from the middle.
+        if seed.from_middle > farthest {
+            break;
+        }
+        let squared = (seed.position - place).norm_squared();
+        if squared < best {
+            (best, number) = (squared, Some(seed.number));
+            farthest = (from_middle + squared.sqrt()) * (1.0 + ROUNDING);
+        }
+    }
+    number
+}
+
+/// Where the seed at `position` goes, which stands for the points `own`: to the one nearest to their middle, among those to
+/// which it may move; `None` if no such point is nearer than the seed is. `others` is memory.
+///
+/// All points are its own that keep it clear of the other `seeds`, so two seeds never meet.
+fn moved(
+    position: Local,
+    spacing: f64,
+    own: impl Iterator<Item = (Stored, Local)> + Clone,
+    seeds: &NeighborGrid,
+    others: &mut Vec<Local>,
+) -> Option<Stored> {
+    // The mean of the points, each with the squared distance from the seed as its weight. With a higher power the step would be
+    // too long for a wire to come to rest.
+    let (mut sum, mut total) = (Local::zeros(), 0.0);
+    for (_, point) in own.clone() {
+        let weight = (point - position).norm_squared();
+        sum += (point - position) * weight;
+        total += weight;
+    }
+    if total == 0.0 {
+        return None;
+    }
+    let middle = position + sum / total;
+    let longest = LONGEST_STEP_IN_SPACINGS * spacing;
+    let mut best = ((middle - position).norm_squared(), None);
+    others.clear();
+    for (point, place) in own {
+        let from_middle = (place - middle).norm_squared();
+        if from_middle >= best.0 || (place - position).norm_squared() > longest * longest {
+            continue;
+        }
+        // Most seeds stay after the first round, and need no look at others.
+        if others.is_empty() {
+            seeds.gather(position, NEAR_IN_SPACINGS * spacing, others);
+        }
+        if keeps_clear(position, place - position, others, spacing) {
+            best = (from_middle, Some(point));
+        }
+    }
+    best.1
+}
+
+/// Whether a seed at `position` keeps clear of the bisector with each of the `others` by half the clearance after this `step`, or
+/// does not step towards it.
+fn keeps_clear(position: Local, step: Local, others: &[Local], spacing: f64) -> bool {
+    let clearance = CLEARANCE_IN_SPACINGS * spacing;
+    others.iter().all(|other| {
+        let way = other - position;
+        let distance = way.norm();
+        // The seed itself is one of them, and never in the way.
+        distance == 0.0 || step.dot(&way) <= 0.5 * distance * (distance - clearance).max(0.0)
+    })
 }
 
 #[cfg(test)]
@@ -146,7 +183,11 @@ mod tests {
     use super::*;
     use crate::{
         geometry::{Quantization, spread},
-        lloyd::{Scan, SolverOptions, surface::Surface},
+        lloyd::{
+            Scan, SolverOptions,
+            seeds::fronts::{LEFT_RADIUS_IN_SPACINGS, LOOSE_RADIUS_IN_SPACINGS},
+            surface::Surface,
+        },
     };
 
     const QUANTIZATION: Quantization = Quantization {
@@ -163,36 +204,48 @@ mod tests {
         positions.iter().map(nearest).collect()
     }
 
-    #[test]
-    fn in_leaves_seeds_cover_the_points_better_and_keep_clear() {
+    fn places(points: &[Stored]) -> Vec<Local> {
+        let place = |&point: &Stored| QUANTIZATION.local(point);
+        points.iter().map(place).collect()
+    }
+
+    /// The least distance between two of `seeds`.
+    fn least_distance(seeds: &[Local]) -> f64 {
+        let to_those_before = |(number, seed): (usize, &Local)| {
+            let before = seeds[..number].iter();
+            let squared = before.map(|other| (other - seed).norm_squared());
+            squared.fold(f64::INFINITY, f64::min).sqrt()
+        };
+        let all = seeds.iter().enumerate().map(to_those_before);
+        all.fold(f64::INFINITY, f64::min)
+    }
+
+    /// A scan of points at random in a cube, as leaves are.
+    fn leaves(count: u64, options: &SolverOptions) -> Scan {
         let unit = |k: u64| spread(k) as f64 / u64::MAX as f64;
         let cube = |k: u64| Local::new(unit(3 * k), unit(3 * k + 1), unit(3 * k + 2));
-        let points: Vec<Stored> = (0..60_000)
+        let points: Vec<Stored> = (0..count)
             .filter_map(|k| QUANTIZATION.stored(cube(k)))
             .collect();
+        Scan::as_scanned(points, QUANTIZATION, options)
+    }
+
+    #[test]
+    fn in_leaves_seeds_cover_the_points_better_and_keep_clear() {
         let options = SolverOptions::new(0.1);
-        let scan = Scan::as_scanned(points.clone(), QUANTIZATION, &options);
+        let scan = leaves(60_000, &options);
+        let points = scan.points();
         let mut election = Election::new(Surface::new(&scan, &options));
-        election.elect_loose(&points, |_, _| 1.0);
-        let places = |seeds: &[Stored]| -> Vec<Local> {
-            seeds.iter().map(|&seed| QUANTIZATION.local(seed)).collect()
-        };
+        election.elect_loose(points, LOOSE_RADIUS_IN_SPACINGS, |_, _| 1.0);
         let before = places(&election.seeds);
-        election.center(0, &points);
+        election.center(0, points);
         let after = places(&election.seeds);
 
         assert_eq!(before.len(), after.len());
         assert!(election.seeds.iter().all(|seed| points.contains(seed)));
         let clearance = CLEARANCE_IN_SPACINGS * options.spacing - 1e-9;
-        for (number, seed) in after.iter().enumerate() {
-            let others = &after[..number];
-            assert!(
-                others
-                    .iter()
-                    .all(|other| (other - seed).norm() >= clearance)
-            );
-        }
-        let all = places(&points);
+        assert!(least_distance(&after) >= clearance);
+        let all = places(points);
         let uncovered = |seeds: &[Local]| {
             let mut distances = distances(&all, seeds);
             distances.sort_by(f64::total_cmp);
@@ -202,6 +255,51 @@ mod tests {
         let [(far, squares), (far_after, squares_after)] = [&before, &after].map(|s| uncovered(s));
         assert!(far_after < 0.99 * far, "{far_after} {far}");
         assert!(squares_after < 0.985 * squares, "{squares_after} {squares}");
+    }
+
+    #[test]
+    fn what_seeds_leave_when_they_move_is_covered_by_further_seeds() {
+        let options = SolverOptions::new(0.1);
+        let scan = leaves(60_000, &options);
+        let mut election = Election::new(Surface::new(&scan, &options));
+        election.elect_loose(scan.points(), LOOSE_RADIUS_IN_SPACINGS, |_, _| 1.0);
+        election.center(0, scan.points());
+        let left = LEFT_RADIUS_IN_SPACINGS * options.spacing;
+        let farthest = |seeds: &[Stored]| {
+            let distances = distances(&places(scan.points()), &places(seeds));
+            distances.into_iter().fold(0.0, f64::max)
+        };
+        let (count, before) = (election.seeds.len(), farthest(&election.seeds));
+        election.elect_loose(scan.points(), LEFT_RADIUS_IN_SPACINGS, |_, _| 1.0);
+        assert!(before > left && farthest(&election.seeds) < left);
+        assert!(election.seeds.len() > count);
+        assert!(least_distance(&places(&election.seeds)) >= left);
+    }
+
+    /// The slow twin compares every point with every seed.
+    #[test]
+    fn seeds_stand_for_the_points_that_are_nearest_to_them() {
+        let options = SolverOptions::new(0.1);
+        let scan = leaves(20_000, &options);
+        let mut election = Election::new(Surface::new(&scan, &options));
+        election.elect_loose(scan.points(), LOOSE_RADIUS_IN_SPACINGS, |_, _| 1.0);
+        let first = election.seeds.len() / 3;
+        let own = OwnPoints::new(&election, first, scan.points());
+        let seeds = places(&election.seeds);
+        let mut found = 0;
+        for (number, seed) in seeds[first..].iter().enumerate() {
+            for &index in own.of_seed(number) {
+                let point = QUANTIZATION.local(scan.points()[index as usize]);
+                let nearest = distances(&[point], &seeds)[0];
+                assert!((seed - point).norm() <= nearest * (1.0 + ROUNDING));
+                found += 1;
+            }
+        }
+        let of_others = places(scan.points()).into_iter().filter(|&point| {
+            let [others, own] = [&seeds[..first], &seeds[first..]];
+            distances(&[point], others)[0] < distances(&[point], own)[0]
+        });
+        assert_eq!(found + of_others.count(), scan.points().len());
     }
 
     #[test]

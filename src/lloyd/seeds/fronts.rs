@@ -16,21 +16,24 @@ use rayon::prelude::*;
 
 use super::election::Election;
 use crate::{
-    geometry::{Local, NeighborGrid, Stored, cell_of},
-    lloyd::surface::{Surface, bounding_box},
+    geometry::{Local, NeighborGrid, Stored},
+    lloyd::surface::Surface,
 };
 
 /// Radius of the election where nothing is a surface. With the radius of surfaces the seeds
 /// would be nearer to each other than the sites of a surface are once they are even. In a
 /// forest of 0.9 M points (to 1 %) δ is 0.049 with 0.8, 0.053 with 0.85, 0.063 with 0.9; on a
 /// street with trees 0.181, 0.178 and 0.179.
-const LOOSE_RADIUS_IN_SPACINGS: f64 = 0.85;
+pub(super) const LOOSE_RADIUS_IN_SPACINGS: f64 = 0.85;
+
+/// Radius of the election that follows once these seeds have moved to the middle of their points, which leaves some points farther from
+/// all seeds than before. On six real scans to 1/20 and 1/100 the p99 of the distances to the nearest site, over that of Poisson
+/// thinning to as many points, is 1.012 in the mean without this election, 1.002 with 0.82 and 0.993 with 0.79; δ over that of Poisson
+/// thinning is 0.71, 0.70 and 0.74.
+pub(super) const LEFT_RADIUS_IN_SPACINGS: f64 = 0.79;
 
 /// Distance from all other seeds at which a front may start.
 const NUCLEUS_DISTANCE_IN_SPACINGS: f64 = 2.5;
-
-/// Edge of the cells whose points find their seeds together.
-const BRICK_IN_SPACINGS: f64 = 4.0 / 3.0;
 
 /// Widths of the rings beyond the radius, step by step.
 const RINGS_IN_SPACINGS: [f64; 6] = [0.1, 0.1, 0.1, 0.2, 0.2, 0.2];
@@ -104,14 +107,15 @@ impl Uncovered {
 }
 
 impl Election<'_> {
-    /// Elects seeds among `points`, which lie on no surface and are sorted by voxel, with the share of every radius that
-    /// `share_at` gives at a position with a spacing (CRS units).
+    /// Elects seeds among `points`, which lie on no surface and are sorted by voxel, until each is within `radius` (spacings) of
+    /// a seed, with the share of every radius that `share_at` gives at a position with a spacing (CRS units).
     pub(super) fn elect_loose(
         &mut self,
         points: &[Stored],
+        radius: f64,
         share_at: impl Fn(Local, f64) -> f64 + Sync,
     ) {
-        let mut uncovered = Uncovered::new(&self.uncovered(points, share_at), self.surface);
+        let mut uncovered = Uncovered::new(&self.uncovered(points, radius, share_at), self.surface);
         for index in 0..uncovered.points.len() {
             if uncovered.is_beyond(index, NUCLEUS_DISTANCE_IN_SPACINGS) {
                 self.seeds.push(uncovered.points[index]);
@@ -119,21 +123,21 @@ impl Election<'_> {
             }
         }
         // From here on no distance beyond the widest ring is needed.
-        let widest = LOOSE_RADIUS_IN_SPACINGS + RINGS_IN_SPACINGS.into_iter().fold(0.0, f64::max);
+        let widest = radius + RINGS_IN_SPACINGS.into_iter().fold(0.0, f64::max);
         let endless = std::iter::repeat(f64::INFINITY);
         for width in RINGS_IN_SPACINGS.into_iter().chain(endless) {
             // Those that are covered by now would be in the way of all that follow.
-            let left = uncovered.left(LOOSE_RADIUS_IN_SPACINGS);
+            let left = uncovered.left(radius);
             if left.is_empty() {
                 return;
             }
             uncovered = Uncovered::new(&left, self.surface);
-            let limit = LOOSE_RADIUS_IN_SPACINGS + width;
+            let limit = radius + width;
             let is_next =
                 |&index: &usize| uncovered.nearest[index] <= uncovered.squared(index, limit);
             let front: Vec<usize> = (0..left.len()).filter(is_next).collect();
             for index in front {
-                if uncovered.is_beyond(index, LOOSE_RADIUS_IN_SPACINGS) {
+                if uncovered.is_beyond(index, radius) {
                     self.seeds.push(uncovered.points[index]);
                     uncovered.cover(index, widest);
                 }
@@ -141,48 +145,33 @@ impl Election<'_> {
         }
     }
 
-    /// The `points` that no seed covers, in the order of their priorities.
+    /// The `points` that no seed within `radius` (spacings) covers, in the order of their priorities.
     fn uncovered(
         &self,
         points: &[Stored],
+        radius: f64,
         share_at: impl Fn(Local, f64) -> f64 + Sync,
     ) -> Vec<Distant> {
         let field = self.surface.field();
-        // Bricks are small beside the places where the spacing is finest, too.
-        let spacing = self.surface.options.finest_spacing();
-        let widening = field.widening(NUCLEUS_DISTANCE_IN_SPACINGS);
-        let earlier = self.grid();
-        let brick_of = |&point: &Stored| cell_of(self.local(point), BRICK_IN_SPACINGS * spacing);
-        let mut left: Vec<(u64, Distant)> = points
-            .par_chunk_by(|a, b| brick_of(a) == brick_of(b))
-            .map_init(Vec::new, |seeds, points| {
-                let [low, high] = bounding_box(points.iter().map(|&point| self.local(point)));
-                let middle = (low + high) * 0.5;
-                let spacing_here = field.at(middle) * widening;
-                let reach = Local::repeat(NUCLEUS_DISTANCE_IN_SPACINGS * spacing_here);
-                seeds.clear();
-                earlier.visit_box(low - reach, high + reach, |_, seed| seeds.push(seed));
+        let reach = NUCLEUS_DISTANCE_IN_SPACINGS;
+        let mut left: Vec<(u64, Distant)> = self.by_brick(points, reach, |brick| {
+            let with_distance = |&point: &Stored| {
+                let position = self.local(point);
+                let spacing = field.at(position);
+                let share = share_at(position, spacing);
+                let covered = (radius * share * spacing).powi(2);
+                let mut nearest = f64::INFINITY;
                 // Most points are covered by one of the seeds in the middle.
-                let from_middle = |seed: &Local| (seed - middle).norm_squared();
-                seeds.sort_unstable_by(|a, b| from_middle(a).total_cmp(&from_middle(b)));
-                let with_distance = |&point: &Stored| {
-                    let position = self.local(point);
-                    let spacing = field.at(position);
-                    let share = share_at(position, spacing);
-                    let covered = (LOOSE_RADIUS_IN_SPACINGS * share * spacing).powi(2);
-                    let mut nearest = f64::INFINITY;
-                    for seed in &*seeds {
-                        nearest = nearest.min((seed - position).norm_squared());
-                        if nearest < covered {
-                            return None;
-                        }
+                for seed in brick.seeds {
+                    nearest = nearest.min((seed.position - position).norm_squared());
+                    if nearest < covered {
+                        return None;
                     }
-                    Some((self.priority(point), (point, nearest, share)))
-                };
-                points.iter().filter_map(with_distance).collect::<Vec<_>>()
-            })
-            .flatten_iter()
-            .collect();
+                }
+                Some((self.priority(point), (point, nearest, share)))
+            };
+            brick.points.iter().filter_map(with_distance).collect()
+        });
         left.par_sort_unstable_by_key(|&(priority, (point, ..))| (priority, point));
         left.into_iter().map(|(_, distant)| distant).collect()
     }

@@ -5,6 +5,7 @@
 //! elect the same seeds there, with the same identities; the stitcher joins tiles by them.
 
 mod area;
+mod bricks;
 mod centering;
 mod elected;
 mod election;
