@@ -1,33 +1,40 @@
 //! How facets are found among the samples around a site.
 //!
-//! Planes are fitted to the few samples around each of the nearest samples, and scored by the samples that lie
+//! Planes are fitted to the few samples around each of some samples near the site, and scored by the samples that lie
 //! on them within a tolerance (MSAC: Torr, Zisserman, *MLESAC: a new robust estimator with application to estimating
 //! image geometry*, 2000; with all candidates in turn instead of random ones). The best is fitted again to the samples
-//! on it, weighted by Tukey's biweight of their distances; so is the best for those that are left.
+//! on it, weighted by Tukey's biweight of their distances; so are the best for those that are left. At the end all are
+//! fitted again, each to the samples that no other facet explains: a sample at an edge is the mean of points on both
+//! sides, and lies on neither.
 
 use super::{
     Local, Patch,
-    facets::{Facet, Facets, Second},
+    facets::{Facet, Facets, MOST_FACETS},
+    lanes::LANES,
 };
 
 /// Radius of the neighbourhood in which facets are sought, in radii of the fit of a patch: the planes are to be seen
-/// beyond the edge. On a simulated street points within two spacings of an edge are 0.0067 spacings from the truth with
-/// 1.25, 0.0061 with 1.5, 0.0055 with 1.75.
-pub(crate) const FACET_RADIUS_IN_FIT_RADII: f64 = 1.75;
+/// beyond the edge.
+pub(crate) const FACET_RADIUS_IN_FIT_RADII: f64 = 2.1;
 /// Radius of the neighbourhood of a sample that a candidate is fitted to.
 const CANDIDATE_RADIUS_IN_FIT_RADII: f64 = 0.42;
 /// Distance from a facet within which samples lie on it.
 const TOLERANCE_IN_FIT_RADII: f64 = 0.042;
-/// Number of nearest samples around which candidates are fitted.
-const CANDIDATES: usize = 16;
+/// Number of samples around which candidates are fitted.
+const CANDIDATES: usize = 24;
+/// Distance from the site within which these samples lie: of the nearest alone hardly any is far enough from an edge
+/// for a plane.
+const CANDIDATES_WITHIN_FIT_RADII: f64 = 1.5;
 /// Number of times that a facet is fitted to the samples on it.
-const ROUNDS: usize = 3;
-/// A facet that explains a smaller share of the samples is none.
+const ROUNDS: usize = 2;
+/// Number of times that all facets are fitted to the samples on one of them alone.
+const JOINT_ROUNDS: usize = 2;
+/// A first facet that explains a smaller share of the samples is none.
 const LEAST_SHARE: f64 = 0.2;
+/// A further facet that explains a smaller share of the samples is none.
+const LEAST_FURTHER_SHARE: f64 = 0.1;
 /// Facets explain at least this share of the samples that the patch was fitted to: leaves and clutter have none.
 const LEAST_EXPLAINED: f64 = 0.3;
-/// Facets explain more of them than the patch, by this factor.
-const LEAST_GAIN: f64 = 1.05;
 /// A facet lies on one side of another if the samples on the wrong side have less than this share.
 const WRONG_SIDE_SHARE: f64 = 0.15;
 
@@ -69,11 +76,29 @@ fn nearness(distance_squared: f64, radius_squared: f64) -> f64 {
     share * share
 }
 
-/// How near a surface is from which a sample has the distance `height`: 1 on it, falling to 0 at the `tolerance` (both in
-/// CRS units).
-fn closeness(height: f64, tolerance: f64) -> f64 {
-    let share = height / tolerance;
-    (1.0 - share * share).max(0.0)
+/// The distance from a surface within which samples lie on it.
+#[derive(Clone, Copy)]
+struct Tolerance {
+    /// The distance (CRS units), and its reciprocal: divisions took a fifth of the time of a search.
+    distance: f64,
+    reciprocal: f64,
+}
+
+impl Tolerance {
+    fn new(distance: f64) -> Self {
+        Self {
+            distance,
+            reciprocal: 1.0 / distance,
+        }
+    }
+
+    /// How near a surface is from which a sample has the distance `height` (CRS units): 1 on it, falling to 0 at the
+    /// tolerance.
+    #[inline]
+    fn closeness(self, height: f64) -> f64 {
+        let share = height * self.reciprocal;
+        (1.0 - share * share).max(0.0)
+    }
 }
 
 /// The mean of `closeness` over the `samples` within `radius` (CRS units) of the site, by weight.
@@ -91,61 +116,83 @@ fn explained(samples: &[FacetSample], radius: f64, closeness: impl Fn(&FacetSamp
 struct Search<'a> {
     /// The samples, nearest first.
     samples: &'a [FacetSample],
-    /// Distance from a facet within which samples lie on it (CRS units).
-    tolerance: f64,
-    /// The votes of all samples.
-    votes: f64,
+    tolerance: Tolerance,
 }
 
 impl Search<'_> {
-    /// The planes of the neighbourhoods of the nearest samples. `radius` is that of these neighbourhoods (CRS units).
-    fn candidates(&self, radius: f64) -> Vec<Facet> {
+    /// The planes around samples spread over the neighbourhood, by the radius of the fit of the patch (CRS units).
+    fn candidates(&self, fit_radius: f64) -> Vec<Facet> {
+        let radius = CANDIDATE_RADIUS_IN_FIT_RADII * fit_radius;
         let squared = radius * radius;
-        let nearest = self.samples.iter().take(CANDIDATES);
+        let within = self.count_within(CANDIDATES_WITHIN_FIT_RADII * fit_radius);
+        let count = within.min(CANDIDATES);
+        let centers = (0..count).map(|k| &self.samples[k * within / count]);
         let candidate = |center: &FacetSample| {
-            // Samples beyond this distance from the site are not around the center, either.
-            let farthest = (center.distance_squared.sqrt() + radius).powi(2);
-            let count = self
-                .samples
-                .partition_point(|sample| sample.distance_squared < farthest);
-            let around = self.samples[..count].iter().map(|sample| {
-                let near = nearness((sample.way - center.way).norm_squared(), squared);
-                (sample.way, near * sample.weight)
-            });
-            Facet::fit(around, self.tolerance)
+            // Samples that are nearer to the site, or farther from it, are not around the center.
+            let distance = center.distance_squared.sqrt();
+            let nearest = self.count_within((distance - radius).max(0.0));
+            let around = self.samples[nearest..self.count_within(distance + radius)].iter();
+            let with_distance =
+                around.map(|sample| (sample, (sample.way - center.way).norm_squared()));
+            let weighted = with_distance
+                .filter(|&(_, distance)| distance < squared)
+                .map(|(sample, distance)| {
+                    let near = nearness(distance, squared);
+                    (sample.way, near * sample.weight)
+                });
+            Facet::fit(weighted, self.tolerance.distance)
         };
-        nearest.filter_map(candidate).collect()
+        centers.filter_map(candidate).collect()
     }
 
-    /// How near `facet` is to a sample.
-    fn closeness(&self, facet: &Facet, sample: &FacetSample) -> f64 {
-        closeness(facet.height(sample.way), self.tolerance)
+    /// The number of samples nearer to the site than `radius` (CRS units).
+    fn count_within(&self, radius: f64) -> usize {
+        let is_near = |sample: &FacetSample| sample.distance_squared < radius * radius;
+        self.samples.partition_point(is_near)
     }
 
-    /// The share of the votes that `facet` explains among the samples that are `left`.
-    fn share(&self, facet: &Facet, left: impl Fn(&FacetSample) -> bool) -> f64 {
-        let explained = self.samples.iter().filter(|sample| left(sample));
-        let explained = explained.map(|sample| sample.vote * self.closeness(facet, sample));
-        explained.sum::<f64>() / self.votes
+    /// How near `facet` is to `position`.
+    fn closeness(&self, facet: &Facet, position: Local) -> f64 {
+        self.tolerance.closeness(facet.height(position))
     }
 
-    /// The best facet of the samples that are `left`.
-    fn best(
-        &self,
-        candidates: &[Facet],
-        left: impl Fn(&FacetSample) -> bool + Copy,
-    ) -> Option<Facet> {
-        let (mut facet, share) = candidates
+    /// The facets that explain the most samples, the best first, each by those that the former ones leave.
+    fn facets(&self, candidates: &[Facet]) -> Vec<Facet> {
+        let mut facets = Vec::with_capacity(MOST_FACETS);
+        let votes: f64 = self.samples.iter().map(|sample| sample.vote).sum();
+        let mut left = self.samples.to_vec();
+        let mut least = LEAST_SHARE * votes;
+        while facets.len() < MOST_FACETS
+            && let Some(facet) = self.best(candidates, &left, least)
+        {
+            left.retain(|sample| facet.height(sample.way).abs() > self.tolerance.distance);
+            facets.push(facet);
+            least = LEAST_FURTHER_SHARE * votes;
+        }
+        facets
+    }
+
+    /// The best facet of the samples that are `left`; `None` if those on it have less than the `least` votes.
+    fn best(&self, candidates: &[Facet], left: &[FacetSample], least: f64) -> Option<Facet> {
+        let votes = |facet: &Facet| -> f64 {
+            let mut sums = [0.0; LANES];
+            for group in left.chunks(LANES) {
+                for (sum, sample) in sums.iter_mut().zip(group) {
+                    *sum += sample.vote * self.closeness(facet, sample.way);
+                }
+            }
+            sums.iter().sum()
+        };
+        let (mut facet, most) = candidates
             .iter()
-            .map(|facet| (*facet, self.share(facet, left)))
+            .map(|facet| (*facet, votes(facet)))
             .max_by(|a, b| a.1.total_cmp(&b.1))?;
-        if share < LEAST_SHARE {
+        if most < least {
             return None;
         }
         for _ in 0..ROUNDS {
-            let left = self.samples.iter().filter(|sample| left(sample));
-            let on_it = left.map(|sample| {
-                let closeness = self.closeness(&facet, sample);
+            let on_it = left.iter().map(|sample| {
+                let closeness = self.closeness(&facet, sample.way);
                 (sample.way, sample.weight * closeness * closeness)
             });
             facet = Facet::fit(on_it, f64::INFINITY)?;
@@ -153,31 +200,60 @@ impl Search<'_> {
         Some(facet)
     }
 
-    /// The side of `other` on which the samples on `facet` lie; 0 if they lie on both.
-    fn side(&self, facet: &Facet, other: &Facet) -> f64 {
-        let (mut towards, mut away) = (0.0, 0.0);
+    /// Fits all `facets` again, each to the samples on it and on no other. One with too few of them stays.
+    fn fit_together(&self, facets: &mut [Facet]) {
+        let mut weighted: [Vec<(Local, f64)>; MOST_FACETS] = Default::default();
         for sample in self.samples {
-            let height = other.height(sample.way);
-            if facet.height(sample.way).abs() < self.tolerance && height.abs() > self.tolerance {
-                match height > 0.0 {
-                    true => towards += sample.vote,
-                    false => away += sample.vote,
+            let mut on_it = (0..facets.len())
+                .map(|index| (index, self.closeness(&facets[index], sample.way)))
+                .filter(|&(_, closeness)| closeness > 0.0);
+            if let (Some((index, closeness)), None) = (on_it.next(), on_it.next()) {
+                weighted[index].push((sample.way, sample.weight * closeness * closeness));
+            }
+        }
+        for (facet, weighted) in facets.iter_mut().zip(weighted) {
+            *facet = Facet::fit(weighted.into_iter(), f64::INFINITY).unwrap_or(*facet);
+        }
+    }
+
+    /// For each of the `facets`, the sides of the others on which it lies; 0 for both.
+    fn sides(&self, facets: &[Facet]) -> [[f64; MOST_FACETS]; MOST_FACETS] {
+        let tolerance = self.tolerance.distance;
+        let mut towards = [[0.0; MOST_FACETS]; MOST_FACETS];
+        let mut away = towards;
+        for sample in self.samples {
+            let mut heights = [f64::INFINITY; MOST_FACETS];
+            for (height, facet) in heights.iter_mut().zip(facets) {
+                *height = facet.height(sample.way);
+            }
+            let on_it = (0..facets.len()).filter(|&index| heights[index].abs() < tolerance);
+            for own in on_it {
+                for (other, &height) in heights[..facets.len()].iter().enumerate() {
+                    if height > tolerance {
+                        towards[own][other] += sample.vote;
+                    } else if height < -tolerance {
+                        away[own][other] += sample.vote;
+                    }
                 }
             }
         }
-        let wrong = WRONG_SIDE_SHARE * (towards + away);
-        match (towards > wrong, away > wrong) {
-            (true, false) => 1.0,
-            (false, true) => -1.0,
-            _ => 0.0,
-        }
+        let side = |towards: f64, away: f64| {
+            let wrong = WRONG_SIDE_SHARE * (towards + away);
+            match (towards > wrong, away > wrong) {
+                (true, false) => 1.0,
+                (false, true) => -1.0,
+                _ => 0.0,
+            }
+        };
+        let all = |own: usize| [0, 1, 2].map(|other| side(towards[own][other], away[own][other]));
+        [0, 1, 2].map(all)
     }
 }
 
 impl Facets {
     /// Finds the facets near `site` among the `samples` around it, where they explain more of those within `fit_radius`
-    /// (CRS units) than `patch` does, which was fitted to them. Positions nearer to an edge than `capture` (CRS units)
-    /// are to be moved onto it. The samples are brought into the order of their distances.
+    /// (CRS units) than `patch` does, which was fitted to such samples. Positions nearer to an edge than `capture` (CRS
+    /// units) are to be moved onto it. The samples are brought into the order of their distances.
     pub(crate) fn find(
         site: Local,
         samples: &mut [FacetSample],
@@ -185,44 +261,35 @@ impl Facets {
         fit_radius: f64,
         capture: f64,
     ) -> Option<Self> {
-        let tolerance = TOLERANCE_IN_FIT_RADII * fit_radius;
-        let by_patch = explained(samples, fit_radius, |sample| {
-            let [u, v, w] = patch.coordinates(site + sample.way);
-            closeness(w - patch.height(u, v), tolerance)
-        });
-        if LEAST_GAIN * by_patch >= 1.0 {
-            return None;
-        }
         samples.sort_by(|a, b| a.distance_squared.total_cmp(&b.distance_squared));
-        let search = Search {
-            votes: samples.iter().map(|sample| sample.vote).sum(),
-            tolerance,
-            samples,
-        };
-        let candidates = search.candidates(CANDIDATE_RADIUS_IN_FIT_RADII * fit_radius);
-        let first = search.best(&candidates, |_| true)?;
-        let is_left = |sample: &FacetSample| first.height(sample.way).abs() > search.tolerance;
-        let second = search.best(&candidates, is_left);
-        let by_facets = explained(search.samples, fit_radius, |sample| {
-            let on_second = second.map_or(0.0, |second| search.closeness(&second, sample));
-            search.closeness(&first, sample).max(on_second)
+        let tolerance = Tolerance::new(TOLERANCE_IN_FIT_RADII * fit_radius);
+        let search = Search { samples, tolerance };
+        let candidates = search.candidates(fit_radius);
+        let mut facets = search.facets(&candidates);
+        for _ in 0..JOINT_ROUNDS {
+            search.fit_together(&mut facets);
+        }
+        let near = &samples[..search.count_within(fit_radius)];
+        let by_facets = explained(near, fit_radius, |sample| {
+            let closeness = |facet| search.closeness(facet, sample.way);
+            facets.iter().map(closeness).fold(0.0, f64::max)
+        });
+        let by_patch = explained(near, fit_radius, |sample| {
+            let [u, v, w] = patch.coordinates(site + sample.way);
+            tolerance.closeness(w - patch.height(u, v))
         });
         // Written so that NaN fails.
-        if !(by_facets >= LEAST_EXPLAINED && by_facets >= LEAST_GAIN * by_patch) {
+        if !(by_facets >= LEAST_EXPLAINED && by_facets > by_patch) {
             return None;
         }
-        let moved = |facet: Facet| Facet {
-            point: site + facet.point,
-            ..facet
-        };
+        let sides = search.sides(&facets);
+        for facet in &mut facets {
+            facet.point += site;
+        }
         Some(Self {
-            first: moved(first),
+            all: facets,
+            sides,
             capture,
-            second: second.map(|second| Second {
-                side_of_first: search.side(&first, &second),
-                side_of_second: search.side(&second, &first),
-                facet: moved(second),
-            }),
         })
     }
 }

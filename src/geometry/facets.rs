@@ -14,13 +14,15 @@ use nalgebra::Matrix3;
 
 use super::{Local, narrow_frame};
 
+/// Most planes that are told apart near a position: those of a corner, or of a step with both levels.
+pub(super) const MOST_FACETS: usize = 3;
 /// Fewest positions that a plane is fitted to.
 const LEAST_SUPPORT: usize = 5;
 /// Positions that are less round lie on a line.
 const LEAST_ROUNDNESS_SQUARED: f64 = 0.02;
 /// Facets whose normals differ less (by the sine of their angle) do not meet near by.
 const LEAST_SINE: f64 = 0.3;
-/// A position nearer than this to both facets is on their edge.
+/// A position nearer than this to a second facet is on their edge.
 const EDGE_WIDTH_IN_CAPTURES: f64 = 0.01;
 
 /// A plane through `point` with this unit `normal`.
@@ -30,22 +32,15 @@ pub(super) struct Facet {
     pub(super) normal: Local,
 }
 
-/// A second facet, and how both end.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub(super) struct Second {
-    pub(super) facet: Facet,
-    /// The side of the second facet on which the first lies: 1 towards the normal, −1 away from it, 0 for both.
-    pub(super) side_of_first: f64,
-    /// The side of the first facet on which the second lies.
-    pub(super) side_of_second: f64,
-}
-
-/// The planes near an edge, one or two of them.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+/// The planes near an edge or a corner.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Facets {
-    pub(super) first: Facet,
-    pub(super) second: Option<Second>,
-    /// Positions nearer to the edge than this (CRS units) are moved onto it.
+    /// One to [`MOST_FACETS`] planes.
+    pub(super) all: Vec<Facet>,
+    /// `sides[i][j]` is the side of facet `j` on which facet `i` lies: 1 towards the normal of `j`, −1 away from it, 0 for
+    /// both.
+    pub(super) sides: [[f64; MOST_FACETS]; MOST_FACETS],
+    /// Positions nearer to an edge than this (CRS units) are moved onto it.
     pub(super) capture: f64,
 }
 
@@ -94,46 +89,47 @@ impl Facet {
 impl Facets {
     /// The foot point of `position` on the nearest facet, or on the edge where the facet ends before it.
     pub(crate) fn foot_point(&self, position: Local) -> Local {
-        let (facet, other) = self.nearest(position);
-        let foot = position - facet.normal * facet.height(position);
-        let Some((other, side)) = other else {
-            return foot;
-        };
-        let edge = facet.to_edge(foot, &other).filter(|edge| {
-            let is_beyond = other.height(foot) * side < 0.0;
-            is_beyond || self.has_edge() && (edge - foot).norm() <= self.capture
-        });
-        edge.unwrap_or(foot)
-    }
-
-    /// The unit normal, of either sign, of the facet on which `position` lies; `None` if that is the edge.
-    pub(crate) fn normal(&self, position: Local) -> Option<Local> {
-        let (facet, other) = self.nearest(position);
-        let is_on_edge = other.is_some_and(|(other, _)| {
-            other.height(position).abs() <= EDGE_WIDTH_IN_CAPTURES * self.capture
-        });
-        (!is_on_edge).then_some(facet.normal)
-    }
-
-    /// Whether both facets end where they meet.
-    fn has_edge(&self) -> bool {
-        let ends = |second: &Second| second.side_of_first != 0.0 && second.side_of_second != 0.0;
-        self.second.as_ref().is_some_and(ends)
-    }
-
-    /// The facet nearest to `position`, and the other with the side of it on which the nearest lies.
-    fn nearest(&self, position: Local) -> (Facet, Option<(Facet, f64)>) {
-        let first = self.first;
-        match self.second {
-            None => (first, None),
-            Some(second) => {
-                let heights = [first, second.facet].map(|facet| facet.height(position).abs());
-                match heights[0] <= heights[1] {
-                    true => (first, Some((second.facet, second.side_of_first))),
-                    false => (second.facet, Some((first, second.side_of_second))),
+        let own = self.nearest(position);
+        let facet = self.all[own];
+        let mut foot = position - facet.normal * facet.height(position);
+        // The edge with one facet can lie beyond that with another.
+        for _ in 1..self.all.len() {
+            for (other, plane) in self.all.iter().enumerate() {
+                if other != own
+                    && let Some(edge) = facet.to_edge(foot, plane)
+                {
+                    let is_beyond = plane.height(foot) * self.sides[own][other] < 0.0;
+                    let is_near = (edge - foot).norm() <= self.capture;
+                    if is_beyond || is_near && self.has_edge(own, other) {
+                        foot = edge;
+                    }
                 }
             }
         }
+        foot
+    }
+
+    /// The unit normal, of either sign, of the facet on which `position` lies; `None` if that is an edge.
+    pub(crate) fn normal(&self, position: Local) -> Option<Local> {
+        let own = self.nearest(position);
+        let width = EDGE_WIDTH_IN_CAPTURES * self.capture;
+        let mut others = self.all.iter().enumerate();
+        let is_on_edge =
+            others.any(|(other, facet)| other != own && facet.height(position).abs() <= width);
+        (!is_on_edge).then_some(self.all[own].normal)
+    }
+
+    /// Whether two facets both end where they meet.
+    fn has_edge(&self, one: usize, other: usize) -> bool {
+        self.sides[one][other] != 0.0 && self.sides[other][one] != 0.0
+    }
+
+    /// The index of the facet nearest to `position`.
+    fn nearest(&self, position: Local) -> usize {
+        let height = |&index: &usize| self.all[index].height(position).abs();
+        (0..self.all.len())
+            .min_by(|a, b| height(a).total_cmp(&height(b)))
+            .expect("there is at least one facet")
     }
 }
 
@@ -143,18 +139,20 @@ mod tests {
 
     /// The faces of a step that looks up and towards x: `z = 0` for `x < 0`, and `x = 0` for `z < 0`.
     fn step(capture: f64) -> Facets {
-        let facet = |normal| Facet {
+        let mut sides = [[0.0; MOST_FACETS]; MOST_FACETS];
+        (sides[0][1], sides[1][0]) = (-1.0, -1.0);
+        Facets {
+            all: vec![plane(Local::z()), plane(Local::x())],
+            sides,
+            capture,
+        }
+    }
+
+    /// The plane through the origin with this `normal`.
+    fn plane(normal: Local) -> Facet {
+        Facet {
             point: Local::zeros(),
             normal,
-        };
-        Facets {
-            first: facet(Local::z()),
-            second: Some(Second {
-                facet: facet(Local::x()),
-                side_of_first: -1.0,
-                side_of_second: -1.0,
-            }),
-            capture,
         }
     }
 
@@ -179,11 +177,22 @@ mod tests {
     }
 
     #[test]
+    fn a_position_beyond_two_edges_goes_to_the_corner() {
+        let mut facets = step(0.0);
+        facets.all.push(plane(Local::y()));
+        for (one, other) in [(0, 2), (2, 0), (1, 2), (2, 1)] {
+            facets.sides[one][other] = -1.0;
+        }
+        let corner = facets.foot_point(Local::new(0.3, 0.2, 0.1));
+        assert_eq!(corner, Local::zeros());
+        let on_top = facets.foot_point(Local::new(-0.3, -0.2, 0.1));
+        assert_eq!(on_top, Local::new(-0.3, -0.2, 0.0));
+    }
+
+    #[test]
     fn a_face_that_goes_on_behind_another_has_no_edge() {
         let mut facets = step(0.2);
-        if let Some(second) = &mut facets.second {
-            second.side_of_first = 0.0;
-        }
+        facets.sides[0][1] = 0.0;
         let position = Local::new(0.1, 0.0, 0.05);
         assert_eq!(facets.foot_point(position), Local::new(0.1, 0.0, 0.0));
     }
@@ -191,9 +200,7 @@ mod tests {
     #[test]
     fn nearly_parallel_faces_meet_nowhere() {
         let mut facets = step(0.2);
-        if let Some(second) = &mut facets.second {
-            second.facet.normal = Local::new(0.1, 0.0, 1.0).normalize();
-        }
+        facets.all[1].normal = Local::new(0.1, 0.0, 1.0).normalize();
         let position = Local::new(0.3, 0.0, 0.001);
         assert!((facets.foot_point(position) - position).norm() < 0.05);
     }

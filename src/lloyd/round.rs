@@ -38,7 +38,11 @@ impl Round {
     /// end of the round.
     pub(crate) fn halo(&self, options: &SolverOptions) -> f64 {
         let iterations = f64::from(self.iterations.end - self.iterations.start);
-        let of_sites = iterations * options.reach_of_an_iteration() + self.margin;
+        // When all are done sites may be moved to facets, by where their neighbours are.
+        let is_last = self.iterations.end == options.iterations;
+        let settling = f64::from(u8::from(is_last && options.edge_capture.is_some()));
+        let steps = iterations + settling;
+        let of_sites = steps * options.reach_of_an_iteration() + self.margin;
         match self.iterations.start {
             // Isolated returns are counted, whatever becomes of them.
             0 => of_sites.max(options.isolation_margin()),

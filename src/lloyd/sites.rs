@@ -201,6 +201,33 @@ impl<'a> Sites<'a> {
         self.neighborhoods.move_to(next, surface.field());
     }
 
+    /// Moves the sites that still matter after `iterations`, which are all, to the facets around them.
+    pub(super) fn settle(&mut self, cone: &DependencyCone<'_>, iterations: u32) {
+        let (surface, identities) = (self.surface, &self.identities);
+        let was_exact = self.are_exact();
+        let iteration = Iteration {
+            surface,
+            cone,
+            was_exact: &was_exact,
+            seeks_facets: true,
+        };
+        let mut positions = self.neighborhoods.positions().to_vec();
+        by_block(
+            &mut self.steps,
+            &mut positions,
+            |_| true,
+            &self.neighborhoods,
+            surface,
+            |step, position, surface, mut vicinity| {
+                let matters = cone.matters(identities[vicinity.site], iterations);
+                if let Some(position) = position.filter(|_| matters) {
+                    *position = step.settle(iteration.on(surface), &mut vicinity);
+                }
+            },
+        );
+        self.neighborhoods.move_to(positions, surface.field());
+    }
+
     /// The wanted sites with the figures of their cells, in the order of their identities.
     pub(super) fn describe(&mut self) -> Vec<Site> {
         let sites = self.of_wanted(|step, identity, wanted, surface, mut vicinity| {

@@ -161,6 +161,7 @@ pub(crate) fn solve_last_round(
     let [_, round] = options.two_rounds();
     let mut course = Course::resume(Surface::new(scan, options), region, round, resumed);
     course.iterate(monitor)?;
+    course.settle();
     let ended = course.sites.describe();
     Ok(solution(course, region, ended))
 }
@@ -181,6 +182,7 @@ fn run<T>(
         course = course.corrected(wanted, monitor)?;
     }
     course.iterate(monitor)?;
+    course.settle();
     let (ended, beside) = describe(&mut course.sites);
     Ok((solution(course, region, ended), beside))
 }

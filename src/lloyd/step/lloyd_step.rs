@@ -12,13 +12,20 @@ use super::{
     fit::Fit,
     following::{FollowedCell, LARGEST_DRIFT_IN_SPACINGS},
     links::Links,
-    neighborhoods::FarList,
+    neighborhoods::{FarList, NEAR_IN_SPACINGS},
     vicinity::Vicinity,
 };
 use crate::{
     geometry::{Local, Moments},
     lloyd::{region::DependencyCone, site::FARTHEST_NEIGHBOR_IN_SPACINGS, surface::Surface},
 };
+
+/// A site that is moved to a facet when all iterations are done comes no nearer to another than this, unless one is as
+/// near before. On a simulated street δ was 0.0538 without a bound, and 0.0526 with this one.
+const CLEARANCE_ON_FACETS_IN_SPACINGS: f64 = 0.8;
+
+/// Longest way to a facet when all iterations are done. It leads past no neighbour that is not near.
+const LONGEST_WAY_TO_FACET_IN_SPACINGS: f64 = 0.5;
 
 /// What the steps of all sites in one iteration have in common.
 #[derive(Clone, Copy)]
@@ -213,6 +220,38 @@ impl Step {
             (position, 0.0)
         };
         true
+    }
+
+    /// Where the site ends when all iterations are done: on the facets around it, if the scan has some there that leave it
+    /// clear of its neighbours.
+    pub(crate) fn settle(
+        &mut self,
+        iteration: Iteration<'_>,
+        vicinity: &mut Vicinity<'_>,
+    ) -> Local {
+        let (surface, position, spacing) = (iteration.surface, vicinity.position, vicinity.spacing);
+        let Some(fit) = self.fit.as_deref_mut() else {
+            return position;
+        };
+        let samples = &mut vicinity.scratch.samples;
+        let Some(foot) = fit.foot_point_on_facets(position, surface, samples) else {
+            return position;
+        };
+        vicinity.find_near();
+        let mut neighbors = vicinity.scratch.neighbors.iter();
+        self.is_exact &= neighbors.all(|neighbor| iteration.was_exact[neighbor.index as usize])
+            && iteration.cone.has_right_sites(
+                position,
+                NEAR_IN_SPACINGS * spacing,
+                surface.quantization(),
+            );
+        let is_near = (foot - position).norm() <= LONGEST_WAY_TO_FACET_IN_SPACINGS * spacing;
+        let clearance = CLEARANCE_ON_FACETS_IN_SPACINGS * spacing;
+        if is_near && vicinity.is_clear(foot, clearance) && fit.allows(foot, surface) {
+            fit.keep_at(foot);
+            return foot;
+        }
+        position
     }
 
     /// Computes the step to the centroid of the cell that was clipped last, with `moments`.

@@ -357,6 +357,17 @@ impl Vicinity<'_> {
         self.position + step * share
     }
 
+    /// Whether a site that is moved to `place` comes no nearer to a neighbour than `clearance` (CRS units), or than its
+    /// nearest neighbour is.
+    pub(super) fn is_clear(&self, place: Local, clearance: f64) -> bool {
+        let from = |start: Local| {
+            let neighbors = self.scratch.neighbors.iter();
+            let distances = neighbors.map(|neighbor| (neighbor.position - start).norm());
+            distances.fold(f64::INFINITY, f64::min)
+        };
+        from(place) >= clearance.min(from(self.position))
+    }
+
     /// How far the site may move in any direction and keep clear (CRS units).
     pub(super) fn free_radius(&self) -> f64 {
         self.scratch
