@@ -183,11 +183,7 @@ mod tests {
     use super::*;
     use crate::{
         geometry::{Quantization, spread},
-        lloyd::{
-            Scan, SolverOptions,
-            seeds::fronts::{LEFT_RADIUS_IN_SPACINGS, LOOSE_RADIUS_IN_SPACINGS},
-            surface::Surface,
-        },
+        lloyd::{Scan, SolverOptions, seeds::fronts::LEFT_RADIUS_IN_SPACINGS, surface::Surface},
     };
 
     const QUANTIZATION: Quantization = Quantization {
@@ -236,7 +232,7 @@ mod tests {
         let scan = leaves(60_000, &options);
         let points = scan.points();
         let mut election = Election::new(Surface::new(&scan, &options));
-        election.elect_loose(points, LOOSE_RADIUS_IN_SPACINGS, |_, _| 1.0);
+        election.elect_loose(points, |_, _| 1.0);
         let before = places(&election.seeds);
         election.center(0, points);
         let after = places(&election.seeds);
@@ -262,7 +258,7 @@ mod tests {
         let options = SolverOptions::new(0.1);
         let scan = leaves(60_000, &options);
         let mut election = Election::new(Surface::new(&scan, &options));
-        election.elect_loose(scan.points(), LOOSE_RADIUS_IN_SPACINGS, |_, _| 1.0);
+        election.elect_loose(scan.points(), |_, _| 1.0);
         election.center(0, scan.points());
         let left = LEFT_RADIUS_IN_SPACINGS * options.spacing;
         let farthest = |seeds: &[Stored]| {
@@ -270,7 +266,7 @@ mod tests {
             distances.into_iter().fold(0.0, f64::max)
         };
         let (count, before) = (election.seeds.len(), farthest(&election.seeds));
-        election.elect_loose(scan.points(), LEFT_RADIUS_IN_SPACINGS, |_, _| 1.0);
+        election.elect_left(0, scan.points(), |_, _| 1.0);
         assert!(before > left && farthest(&election.seeds) < left);
         assert!(election.seeds.len() > count);
         assert!(least_distance(&places(&election.seeds)) >= left);
@@ -282,7 +278,7 @@ mod tests {
         let options = SolverOptions::new(0.1);
         let scan = leaves(20_000, &options);
         let mut election = Election::new(Surface::new(&scan, &options));
-        election.elect_loose(scan.points(), LOOSE_RADIUS_IN_SPACINGS, |_, _| 1.0);
+        election.elect_loose(scan.points(), |_, _| 1.0);
         let first = election.seeds.len() / 3;
         let own = OwnPoints::new(&election, first, scan.points());
         let seeds = places(&election.seeds);

@@ -6,7 +6,6 @@ use super::{
     election::{
         ELECTION_RADIUS_IN_SPACINGS, Election, GAP_RADIUS_IN_SPACINGS, NODE_RADIUS_IN_SPACINGS,
     },
-    fronts::{LEFT_RADIUS_IN_SPACINGS, LOOSE_RADIUS_IN_SPACINGS},
     nodes::{Nodes, RankedNodes},
     rule::SeedRule,
 };
@@ -40,10 +39,10 @@ pub(super) fn elected(surface: Surface<'_>) -> Vec<Stored> {
         election.elect_points(&surfaces.concat(), &share_at);
     }
     let (on_surfaces, loose) = (election.seeds.len(), loose.concat());
-    election.elect_loose(&loose, LOOSE_RADIUS_IN_SPACINGS, &share_at);
+    election.elect_loose(&loose, &share_at);
     election.center(on_surfaces, &loose);
     // Seeds that moved have left some points uncovered.
-    election.elect_loose(&loose, LEFT_RADIUS_IN_SPACINGS, &share_at);
+    election.elect_left(on_surfaces, &loose, &share_at);
     election.elect(scan.filling().iter().copied(), GAP_RADIUS_IN_SPACINGS);
     election.seeds
 }
