@@ -245,8 +245,9 @@ impl Search<'_> {
                 _ => 0.0,
             }
         };
-        let all = |own: usize| [0, 1, 2].map(|other| side(towards[own][other], away[own][other]));
-        [0, 1, 2].map(all)
+        std::array::from_fn(|own| {
+            std::array::from_fn(|other| side(towards[own][other], away[own][other]))
+        })
     }
 }
 

@@ -52,6 +52,7 @@ pub(crate) use patch::upwards;
 pub use patch::{Patch, PatchKind};
 pub(crate) use response::Response;
 pub(crate) use stored_tree::{StoredTree, stored_distance_squared};
+pub(crate) use word_sorting::sort_words;
 
 /// Items (points, sites) that a thread takes at a time. Their costs differ widely: with few
 /// large tasks the last one leaves the other threads idle.

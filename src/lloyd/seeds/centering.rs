@@ -15,7 +15,7 @@
 use rayon::prelude::*;
 
 use super::{bricks::Brick, election::Election};
-use crate::geometry::{ITEMS_PER_TASK, Local, NeighborGrid, Stored};
+use crate::geometry::{ITEMS_PER_TASK, Local, NeighborGrid, Stored, sort_words};
 
 /// Number of times that all seeds move. On a forest (0.8 M points to 8 K) one seed in eight still moves the second
 /// time, one in fifty the fifth time.
@@ -43,67 +43,55 @@ impl Election<'_> {
     pub(super) fn center(&mut self, first: usize, points: &[Stored]) {
         let field = self.surface.field();
         for _ in 0..ROUNDS {
-            let own = OwnPoints::new(self, first, points);
+            let owned = self.owned(first, points);
             let seeds = self.grid();
-            let moves: Vec<Stored> = (self.seeds[first..].par_iter().enumerate())
+            let by_seed: Vec<&[u64]> = owned.chunk_by(|a, b| owner(*a).0 == owner(*b).0).collect();
+            let moves: Vec<(usize, Stored)> = by_seed
+                .into_par_iter()
                 .with_max_len(ITEMS_PER_TASK)
-                .map_init(Vec::new, |others, (number, &seed)| {
-                    let position = self.local(seed);
+                .map_init(Vec::new, |others, owned| {
+                    let (number, _) = owner(owned[0]);
+                    let position = self.local(self.seeds[number]);
                     let spacing = field.at(position);
                     let reach = REACH_IN_SPACINGS * spacing;
-                    let own = own.of_seed(number).iter().map(|&index| {
-                        let point = points[index as usize];
+                    let own = owned.iter().map(|&word| {
+                        let point = points[owner(word).1];
                         (point, self.local(point))
                     });
                     let near = own.filter(|(_, point)| (point - position).norm() <= reach);
-                    let to = moved(position, spacing, near, &seeds, others);
-                    to.unwrap_or(seed)
+                    Some((number, moved(position, spacing, near, &seeds, others)?))
                 })
+                .flatten_iter()
                 .collect();
-            self.seeds.truncate(first);
-            self.seeds.extend(moves);
-        }
-    }
-}
-
-/// The points that each of several seeds stands for.
-struct OwnPoints {
-    /// The points of seed k are `order[starts[k]..starts[k + 1]]`.
-    starts: Vec<u32>,
-    /// The indices of the points, by seed, and for each seed in their order.
-    order: Vec<u32>,
-}
-
-impl OwnPoints {
-    /// The `points`, which are sorted by voxel, of the seeds of `election` from number `first` on.
-    fn new(election: &Election<'_>, first: usize, points: &[Stored]) -> Self {
-        let nearest = election.by_brick(points, REACH_IN_SPACINGS, |brick| {
-            let places = brick.points.iter().map(|&point| election.local(point));
-            places.map(|place| nearest_seed(place, &brick)).collect()
-        });
-        let own = |seed: Option<u32>| (seed? as usize).checked_sub(first);
-        let mut starts = vec![0_u32; election.seeds.len() - first + 1];
-        for number in nearest.iter().filter_map(|&seed| own(seed)) {
-            starts[number + 1] += 1;
-        }
-        for number in 1..starts.len() {
-            starts[number] += starts[number - 1];
-        }
-        let mut next = starts.clone();
-        let mut order = vec![0; next[next.len() - 1] as usize];
-        for (index, &seed) in (0..).zip(&nearest) {
-            if let Some(number) = own(seed) {
-                order[next[number] as usize] = index;
-                next[number] += 1;
+            for (number, to) in moves {
+                self.seeds[number] = to;
             }
         }
-        Self { starts, order }
     }
 
-    /// The indices of the points of the seed with this `number`.
-    fn of_seed(&self, number: usize) -> &[u32] {
-        &self.order[self.starts[number] as usize..self.starts[number + 1] as usize]
+    /// The `points`, which are sorted by voxel, that the seeds from number `first` on stand for, by seed, and for each seed in
+    /// their order: words for [`owner`].
+    fn owned(&self, first: usize, points: &[Stored]) -> Vec<u64> {
+        let nearest = self.by_brick(points, REACH_IN_SPACINGS, |brick| {
+            let places = brick.points.iter().map(|&point| self.local(point));
+            places.map(|place| nearest_seed(place, &brick)).collect()
+        });
+        let owned = nearest
+            .into_iter()
+            .zip(0_u32..)
+            .filter_map(|(seed, index)| {
+                let seed = seed.filter(|&seed| seed as usize >= first)?;
+                Some(u64::from(seed) << u32::BITS | u64::from(index))
+            });
+        let mut owned: Vec<u64> = owned.collect();
+        sort_words(&mut owned);
+        owned
     }
+}
+
+/// The number of the seed and the index of the point of a word.
+fn owner(word: u64) -> (usize, usize) {
+    ((word >> u32::BITS) as usize, word as u32 as usize)
 }
 
 /// The number of the seed of `brick` that is nearest to `place`; of equally near ones that which comes first.
@@ -111,7 +99,7 @@ fn nearest_seed(place: Local, brick: &Brick<'_>) -> Option<u32> {
     let from_middle = (place - brick.middle).norm();
     let (mut best, mut number, mut farthest) = (f64::INFINITY, None, f64::INFINITY);
     for seed in brick.seeds {
-        // Nor are those nearer that follow: they are still farther from the middle.
+        // This seed cannot be nearer than the best, nor can those that follow: they are farther from the middle.
         if seed.from_middle > farthest {
             break;
         }
@@ -226,13 +214,19 @@ mod tests {
         Scan::as_scanned(points, QUANTIZATION, options)
     }
 
+    /// The election among all points of `scan`.
+    fn election<'a>(scan: &'a Scan, options: &'a SolverOptions) -> Election<'a> {
+        let mut election = Election::new(Surface::new(scan, options));
+        election.elect_loose(scan.points(), |_, _| 1.0);
+        election
+    }
+
     #[test]
     fn in_leaves_seeds_cover_the_points_better_and_keep_clear() {
         let options = SolverOptions::new(0.1);
         let scan = leaves(60_000, &options);
         let points = scan.points();
-        let mut election = Election::new(Surface::new(&scan, &options));
-        election.elect_loose(points, |_, _| 1.0);
+        let mut election = election(&scan, &options);
         let before = places(&election.seeds);
         election.center(0, points);
         let after = places(&election.seeds);
@@ -257,8 +251,7 @@ mod tests {
     fn what_seeds_leave_when_they_move_is_covered_by_further_seeds() {
         let options = SolverOptions::new(0.1);
         let scan = leaves(60_000, &options);
-        let mut election = Election::new(Surface::new(&scan, &options));
-        election.elect_loose(scan.points(), |_, _| 1.0);
+        let mut election = election(&scan, &options);
         election.center(0, scan.points());
         let left = LEFT_RADIUS_IN_SPACINGS * options.spacing;
         let farthest = |seeds: &[Stored]| {
@@ -277,19 +270,16 @@ mod tests {
     fn seeds_stand_for_the_points_that_are_nearest_to_them() {
         let options = SolverOptions::new(0.1);
         let scan = leaves(20_000, &options);
-        let mut election = Election::new(Surface::new(&scan, &options));
-        election.elect_loose(scan.points(), |_, _| 1.0);
+        let election = election(&scan, &options);
         let first = election.seeds.len() / 3;
-        let own = OwnPoints::new(&election, first, scan.points());
+        let owned = election.owned(first, scan.points());
         let seeds = places(&election.seeds);
-        let mut found = 0;
-        for (number, seed) in seeds[first..].iter().enumerate() {
-            for &index in own.of_seed(number) {
-                let point = QUANTIZATION.local(scan.points()[index as usize]);
-                let nearest = distances(&[point], &seeds)[0];
-                assert!((seed - point).norm() <= nearest * (1.0 + ROUNDING));
-                found += 1;
-            }
+        let found = owned.len();
+        for (number, index) in owned.into_iter().map(owner) {
+            let point = QUANTIZATION.local(scan.points()[index]);
+            let nearest = distances(&[point], &seeds)[0];
+            assert!((seeds[number] - point).norm() <= nearest * (1.0 + ROUNDING));
+            assert!(number >= first);
         }
         let of_others = places(scan.points()).into_iter().filter(|&point| {
             let [others, own] = [&seeds[..first], &seeds[first..]];

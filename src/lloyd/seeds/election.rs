@@ -67,7 +67,13 @@ impl<'a> Election<'a> {
 
     /// The seeds so far, by cell.
     pub(super) fn grid(&self) -> NeighborGrid {
-        let positions: Vec<Local> = self.seeds.iter().map(|&seed| self.local(seed)).collect();
+        self.grid_of_first(self.seeds.len())
+    }
+
+    /// The first `count` seeds, by cell.
+    pub(super) fn grid_of_first(&self, count: usize) -> NeighborGrid {
+        let seeds = self.seeds[..count].iter();
+        let positions: Vec<Local> = seeds.map(|&seed| self.local(seed)).collect();
         self.surface.field().grid(&positions, 1.0)
     }
 
