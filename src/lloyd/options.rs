@@ -53,6 +53,10 @@ const SEED_MARGIN_IN_SPACINGS: f64 = 9.0;
 const LINK_IN_SPACINGS: f64 = 1.25;
 /// Radius of the neighbourhood in which seeds may lie on a common plane, in linking distances.
 const PLANE_IN_LINKS: f64 = 2.3;
+/// A seed is beside a surface if one on it is nearer than this, in linking distances.
+const BESIDE_IN_LINKS: f64 = 2.0;
+/// Radius of the neighbourhood of a seed whose plane is its surface, in linking distances.
+const SURFACE_IN_LINKS: f64 = 1.6;
 /// So many seeds that belong together are never isolated.
 pub(super) const MANY_SEEDS: usize = 4;
 
@@ -142,7 +146,8 @@ impl SolverOptions {
     /// finds the same isolated seeds.
     pub(super) fn isolation_margin(&self) -> f64 {
         let group = (MANY_SEEDS - 1) as f64 * self.link();
-        self.election_margin() + group + self.plane_radius()
+        let beside = self.beside_radius() + self.surface_radius();
+        self.election_margin() + group + beside.max(self.plane_radius())
     }
 
     /// Seeds nearer to each other (CRS units) belong together. Where more points are requested than were scanned, seeds are
@@ -154,6 +159,16 @@ impl SolverOptions {
     /// Radius (CRS units) of the neighbourhood in which seeds may lie on a common plane.
     pub(super) fn plane_radius(&self) -> f64 {
         PLANE_IN_LINKS * self.link()
+    }
+
+    /// Radius (CRS units) of the neighbourhood of a seed in which a surface passes by it.
+    pub(super) fn beside_radius(&self) -> f64 {
+        BESIDE_IN_LINKS * self.link()
+    }
+
+    /// Radius (CRS units) of the neighbourhood of a seed whose plane is its surface.
+    pub(super) fn surface_radius(&self) -> f64 {
+        SURFACE_IN_LINKS * self.link()
     }
 
     /// Bound on the distance (CRS units) from a seed to the nearest point of the scan: half of

@@ -1,0 +1,305 @@
+//! Isolated returns: seeds with next to nothing of the scan around them.
+//!
+//! Rain, birds, echoes between walls and beams that graze an edge leave points in the air. Where the output is coarser
+//! than the scan, each of them becomes a site that stands for next to nothing. They are found among the seeds:
+//!
+//! ```text
+//!     ·    ·               adrift: thin seeds, and none but thin ones linked to them, on no common plane: rain
+//!   ·        ·  ·
+//!        **                then a few seeds, no other linked to them, that stand for no more points
+//!              ·           of the scan than a few seeds around them: a bird, a leaf
+//!   ─*──*──*──*──*──*──    beside a surface, and not on it: a seed that stands for next to nothing of what those
+//!                          on the surface do
+//! ```
+//!
+//! Seeds are linked if they are hardly farther apart than those of a surface. Thin seeds stand for no more points than a
+//! part of a voxel around them usually has, and for fewer than seeds do on average. So a sparse surface stays, on which
+//! thin seeds lie on a plane, and a lone thing stays that was scanned more densely than what is around it. Leaves around
+//! a branch stay, too: a branch is no surface. The rule looks a fixed number of spacings around, so that all tiles agree.
+
+mod planes;
+mod represented;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use self::{
+    planes::{is_off_the_surface, lies_among_alike, lies_on_a_plane},
+    represented::{Represented, average_points, own_points, usual_points},
+};
+use super::{options::MANY_SEEDS, surface::Surface};
+use crate::geometry::{ITEMS_PER_TASK, Local, NeighborGrid};
+
+/// What becomes of isolated returns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum IsolatedRule {
+    /// They become points of the output like others.
+    #[default]
+    Keep,
+    /// They are left out.
+    Drop,
+    /// Their points of the output get the class 7, noise.
+    Mark,
+}
+
+impl IsolatedRule {
+    /// Whether this is the default, which records do not state.
+    pub(crate) fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+/// So few points are few however sparse the scan is around them.
+const FEW_POINTS: f64 = 2.0;
+/// A seed is thin if it stands for no more points than this share of those that a voxel around it usually has.
+const THIN_SHARE: f64 = 0.25;
+/// A seed beside a surface stands for no more than this share of the points of a seed on it.
+const SHARE_BESIDE_A_SURFACE: f64 = 0.1;
+/// A small group stands for no more points than this share of those that the voxels of so many seeds around it usually have.
+const SHARE_OF_A_GROUP: f64 = 0.4;
+/// A small group of no more points than this share of what a seed stands for on average is small however sparse the scan is
+/// around it.
+const AVERAGE_SHARE_OF_A_GROUP: f64 = 0.2;
+/// So few points are a small group however sparse the scan is.
+const FEW_POINTS_OF_A_GROUP: f64 = 3.0;
+/// Number of voxels that the cell of a seed on a surface meets.
+const VOXELS_OF_A_SEED: f64 = 5.4;
+
+/// Whether each of the seeds at `positions` is isolated. Those for which `matters` is false are not looked at.
+pub(super) fn are_isolated(
+    surface: Surface<'_>,
+    positions: &[Local],
+    matters: impl Fn(usize) -> bool + Sync,
+) -> Vec<bool> {
+    let link = surface.options.link();
+    let seeds = Seeds {
+        surface,
+        positions,
+        grid: surface.field().grid_of_edge(positions, link),
+        points: (positions.par_iter().with_max_len(ITEMS_PER_TASK))
+            .map(|&seed| Represented::by(surface.with(&surface.options_at(seed)), seed))
+            .collect(),
+    };
+    let numbers = || {
+        (0..positions.len())
+            .into_par_iter()
+            .with_max_len(ITEMS_PER_TASK)
+    };
+    let is_lost: Vec<bool> =
+        (numbers().map(|seed| seeds.is_adrift(seed) || seeds.is_beside_a_surface(seed))).collect();
+
+    // Small groups among the others.
+    let others = positions.iter().zip(&is_lost);
+    let others: Vec<Local> = others
+        .filter_map(|(&place, &is_lost)| (!is_lost).then_some(place))
+        .collect();
+    let grid = surface.field().grid_of_edge(&others, link);
+    let is_in_a_small_group = |place: Local| {
+        let options = surface.options_at(place);
+        linked_seeds(&grid, place, options.link())
+            .is_some_and(|group| !are_dense(surface.with(&options), &group))
+    };
+    let is_isolated =
+        |seed: usize| matters(seed) && (is_lost[seed] || is_in_a_small_group(positions[seed]));
+    numbers().map(is_isolated).collect()
+}
+
+/// The seeds of a cloud.
+struct Seeds<'a> {
+    surface: Surface<'a>,
+    positions: &'a [Local],
+    grid: NeighborGrid,
+    /// What each of them stands for.
+    points: Vec<Represented>,
+}
+
+impl Seeds<'_> {
+    /// Whether the seed is thin and all that are linked to it are, however many, and they lie on no plane.
+    fn is_adrift(&self, seed: usize) -> bool {
+        let place = self.positions[seed];
+        let options = self.surface.options_at(place);
+        let linked = || linked_to(&self.grid, place, options.link());
+        let average = f64::max(FEW_POINTS, average_points(self.surface));
+        // What is quick to find out comes first: hardly a seed of a surface is left when surroundings are looked at.
+        linked().all(|(other, _)| self.points[other].own <= average)
+            && !lies_on_a_plane(&self.grid, place, &options)
+            && !lies_among_alike(&self.grid, place, &options, |other| {
+                self.points[other].own <= average
+            })
+            && linked().all(|(other, _)| self.is_thin(other))
+    }
+
+    /// Whether the seed stands for few points.
+    fn is_thin(&self, seed: usize) -> bool {
+        let place = self.positions[seed];
+        let options = self.surface.options_at(place);
+        let usual = || usual_points(self.surface.with(&options), &[place]);
+        let own = self.points[seed].own;
+        own <= FEW_POINTS || own <= THIN_SHARE * usual()
+    }
+
+    /// Whether the seed stands for next to nothing beside one on a surface that passes by it.
+    fn is_beside_a_surface(&self, seed: usize) -> bool {
+        let place = self.positions[seed];
+        let options = self.surface.options_at(place);
+        let near = |seed: usize| self.points[seed].near;
+        let is_small_beside =
+            |seed: usize, other: usize| near(seed) <= SHARE_BESIDE_A_SURFACE * near(other);
+        let is_beside = |(other, on_surface): (usize, Local)| {
+            let is_of_surface = |seed: usize| !is_small_beside(seed, other);
+            let is_alike = |seed: usize| is_small_beside(seed, other);
+            is_off_the_surface(&self.grid, place, on_surface, &options, is_of_surface)
+                && !lies_among_alike(&self.grid, place, &options, is_alike)
+        };
+        linked_to(&self.grid, place, options.beside_radius())
+            .filter(|&(other, _)| is_small_beside(seed, other))
+            .any(is_beside)
+            && !lies_on_a_plane(&self.grid, place, &options)
+    }
+}
+
+/// The seeds within `link` of `position`, one at the position among them.
+fn linked_to(
+    seeds: &NeighborGrid,
+    position: Local,
+    link: f64,
+) -> impl Iterator<Item = (usize, Local)> {
+    let mut found = Vec::new();
+    seeds.visit_around(position, link, |seed, place| {
+        if (place - position).norm_squared() <= link * link {
+            found.push((seed as usize, place));
+        }
+    });
+    found.into_iter()
+}
+
+/// The seeds that belong to the one at `position`, itself among them; `None` if they are many.
+fn linked_seeds(seeds: &NeighborGrid, position: Local, link: f64) -> Option<Vec<Local>> {
+    let mut linked = vec![position];
+    let mut next = 0;
+    while next < linked.len() {
+        for (_, seed) in linked_to(seeds, linked[next], link) {
+            if !linked.contains(&seed) {
+                linked.push(seed);
+            }
+        }
+        if linked.len() >= MANY_SEEDS {
+            return None;
+        }
+        next += 1;
+    }
+    Some(linked)
+}
+
+/// Whether the `linked` seeds stand for more points than a few seeds around them.
+fn are_dense(surface: Surface<'_>, linked: &[Local]) -> bool {
+    let voxels = SHARE_OF_A_GROUP * (MANY_SEEDS - 1) as f64 * VOXELS_OF_A_SEED;
+    // A point more than the mean is usual by chance alone.
+    let usual = voxels * (usual_points(surface, linked) - 1.0);
+    let few = AVERAGE_SHARE_OF_A_GROUP * average_points(surface);
+    own_points(surface, linked) > FEW_POINTS_OF_A_GROUP.max(few).max(usual)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        geometry::{Quantization, Stored, spread},
+        lloyd::{Scan, SolverOptions, elect},
+    };
+
+    const QUANTIZATION: Quantization = Quantization {
+        scale: 1e-4,
+        offset: [0.0; 3],
+    };
+
+    /// Places even in a cube of the edge `edge` over the origin.
+    fn even(count: u64, edge: f64) -> impl Iterator<Item = Local> {
+        let unit = |k: u64| spread(k) as f64 / u64::MAX as f64;
+        (0..count).map(move |k| Local::new(unit(3 * k), unit(3 * k + 1), unit(3 * k + 2)) * edge)
+    }
+
+    /// The seeds of a scan with `places`, each with whether it is isolated.
+    fn judged(places: Vec<Local>) -> Vec<(Local, bool)> {
+        let options = SolverOptions {
+            seeds_per_point: 0.02,
+            ..SolverOptions::new(0.1)
+        };
+        let points: Vec<Stored> = (places.iter())
+            .filter_map(|&p| QUANTIZATION.stored(p))
+            .collect();
+        let scan = Scan::new(points, QUANTIZATION, &options);
+        let seeds = elect(&scan, &options).positions;
+        let surface = Surface::new(&scan, &options);
+        let isolated = are_isolated(surface, &seeds, |_| true);
+        seeds.into_iter().zip(isolated).collect()
+    }
+
+    fn floor() -> impl Iterator<Item = Local> {
+        even(40_000, 3.0).map(|p| Local::new(p.x, p.y, 0.001 * p.z))
+    }
+
+    #[test]
+    fn a_floor_has_no_isolated_seeds() {
+        let judged = judged(floor().collect());
+        assert!(judged.len() > 800 && judged.iter().all(|&(_, is_isolated)| !is_isolated));
+    }
+
+    #[test]
+    fn rain_is_isolated_and_what_it_falls_on_is_not() {
+        let rain = even(600, 3.0).filter(|p| p.z > 0.05);
+        let judged = judged(floor().chain(rain).collect());
+        let share = |is_part: &dyn Fn(f64) -> bool| {
+            let part = judged.iter().filter(|(place, _)| is_part(place.z));
+            let (all, isolated) = part.fold((0, 0), |(all, isolated), (_, is_isolated)| {
+                (all + 1, isolated + usize::from(*is_isolated))
+            });
+            f64::from(isolated as u32) / f64::from(all.max(1))
+        };
+        assert!(share(&|z| z > 0.15) > 0.97, "{}", share(&|z| z > 0.15));
+        assert!(share(&|z| z < 0.05) == 0.0);
+    }
+
+    #[test]
+    fn strays_a_spacing_above_a_surface_are_isolated_and_a_wire_there_is_not() {
+        let strays =
+            even(12, 2.6).map(|p| Local::new(0.2 + 0.5 * p.x, 0.2 + p.y, 0.1 + 0.03 * p.z));
+        let wire = (0..400).map(|k| Local::new(2.0, 0.0075 * f64::from(k), 0.11));
+        let judged = judged(floor().chain(strays).chain(wire).collect());
+        let above = judged.iter().filter(|(place, _)| place.z > 0.08);
+        let (on_wire, strays): (Vec<_>, Vec<_>) = above.partition(|(place, _)| place.x > 1.8);
+        let isolated = |part: &[&(Local, bool)]| part.iter().filter(|judged| judged.1).count();
+        assert!(strays.len() > 8 && isolated(&strays) == strays.len());
+        assert!(on_wire.len() > 20 && 10 * isolated(&on_wire) < on_wire.len());
+    }
+
+    #[test]
+    fn a_bird_is_isolated_and_a_lamp_that_was_scanned_more_densely_is_not() {
+        let small = |count, at: Local| even(count, 0.08).map(move |p| p + at);
+        let bird = small(40, Local::new(1.0, 1.0, 1.0));
+        let lamp = small(2_000, Local::new(2.0, 2.0, 1.0));
+        let judged = judged(floor().chain(bird).chain(lamp).collect());
+        let high = judged.iter().filter(|(place, _)| place.z > 0.5);
+        let (birds, lamps): (Vec<_>, Vec<_>) = high.partition(|(place, _)| place.x < 1.5);
+        assert!(!birds.is_empty() && birds.iter().all(|(_, is_isolated)| *is_isolated));
+        assert!(!lamps.is_empty() && lamps.iter().all(|(_, is_isolated)| !is_isolated));
+    }
+
+    #[test]
+    fn a_sparse_wall_behind_a_dense_floor_stays() {
+        // A point to the cell of a seed, as rain has.
+        let wall = even(900, 3.0).map(|p| Local::new(p.x, 3.3, 0.3 + p.z));
+        let judged = judged(floor().chain(wall).collect());
+        let on_wall: Vec<_> = judged.iter().filter(|(place, _)| place.y > 3.2).collect();
+        let isolated = on_wall
+            .iter()
+            .filter(|(_, is_isolated)| *is_isolated)
+            .count();
+        assert!(
+            on_wall.len() > 300 && 20 * isolated < on_wall.len(),
+            "{isolated} of {}",
+            on_wall.len()
+        );
+    }
+}

@@ -1,0 +1,136 @@
+//! Planes through seeds.
+
+use nalgebra::Matrix3;
+
+use super::linked_to;
+use crate::{
+    geometry::{Local, NeighborGrid, by_position, narrow_frame},
+    lloyd::options::SolverOptions,
+};
+
+/// A plane is that of no fewer seeds.
+const FEWEST_ON_A_PLANE: usize = 5;
+/// A surface is that of no fewer seeds: it has them all around, or nearly so.
+const FEWEST_ON_A_SURFACE: usize = 10;
+/// A line, as a wire, is that of no fewer seeds.
+const FEWEST_ON_A_LINE: usize = 4;
+/// So much of the variance of seeds on a line is along it, at least.
+const SHARE_ALONG_A_LINE: f64 = 0.98;
+/// Largest standard deviation of the seeds across their plane.
+const THICKEST_PLANE_IN_SPACINGS: f64 = 0.4;
+/// Largest standard deviation of the seeds of a surface across a plane.
+const THICKEST_SURFACE_IN_SPACINGS: f64 = 0.2;
+/// Largest distance of a seed from the plane of those around it.
+const FARTHEST_FROM_PLANE_IN_SPACINGS: f64 = 0.5;
+
+/// The plane that seeds lie near to.
+struct Plane {
+    /// The mean of the seeds.
+    mean: Local,
+    normal: Local,
+    /// Standard deviation of the seeds across the plane (CRS units).
+    thickness: f64,
+}
+
+/// What seeds lie near to.
+enum Shape {
+    Plane(Plane),
+    Line,
+    /// They are spread alike in all directions, or are too few.
+    Neither,
+}
+
+impl Plane {
+    /// Whether `place` is near to the plane.
+    fn is_near(&self, place: Local, spacing: f64) -> bool {
+        let distance = self.normal.dot(&(place - self.mean)).abs();
+        distance < FARTHEST_FROM_PLANE_IN_SPACINGS * spacing
+    }
+}
+
+/// The shape of seeds at these `places`.
+fn shape(mut places: Vec<Local>) -> Shape {
+    if places.len() < FEWEST_ON_A_LINE {
+        return Shape::Neither;
+    }
+    // The order in which seeds are found depends on the tile, and rounding on the order.
+    places.sort_unstable_by(by_position);
+    let mean = places.iter().sum::<Local>() / places.len() as f64;
+    let square = |place: &Local| (place - mean) * (place - mean).transpose();
+    let covariance = places.iter().map(square).sum::<Matrix3<f64>>() / places.len() as f64;
+    if covariance.norm() > SHARE_ALONG_A_LINE * covariance.trace() {
+        return Shape::Line;
+    }
+    match narrow_frame(covariance) {
+        Some((spread, [.., normal])) if places.len() >= FEWEST_ON_A_PLANE => Shape::Plane(Plane {
+            mean,
+            normal,
+            thickness: spread[2].sqrt(),
+        }),
+        _ => Shape::Neither,
+    }
+}
+
+/// Whether the seed at `position` lies on a plane through the seeds around it, or all of them on a line.
+pub(super) fn lies_on_a_plane(
+    seeds: &NeighborGrid,
+    position: Local,
+    options: &SolverOptions,
+) -> bool {
+    lies_among(seeds, position, options, THICKEST_PLANE_IN_SPACINGS, |_| {
+        true
+    })
+}
+
+/// Whether the seed at `position` lies on a plane or line of those seeds around it for which `is_alike`.
+pub(super) fn lies_among_alike(
+    seeds: &NeighborGrid,
+    position: Local,
+    options: &SolverOptions,
+    is_alike: impl Fn(usize) -> bool,
+) -> bool {
+    lies_among(
+        seeds,
+        position,
+        options,
+        THICKEST_SURFACE_IN_SPACINGS,
+        is_alike,
+    )
+}
+
+fn lies_among(
+    seeds: &NeighborGrid,
+    position: Local,
+    options: &SolverOptions,
+    thickest_in_spacings: f64,
+    is_among: impl Fn(usize) -> bool,
+) -> bool {
+    let around = linked_to(seeds, position, options.plane_radius());
+    let among = around.filter(|&(seed, _)| is_among(seed));
+    match shape(among.map(|(_, seed)| seed - position).collect()) {
+        Shape::Plane(plane) => {
+            plane.thickness < thickest_in_spacings * options.spacing
+                && plane.is_near(Local::zeros(), options.spacing)
+        }
+        Shape::Line => true,
+        Shape::Neither => false,
+    }
+}
+
+/// Whether `position` is off the surface of the seed at `on_surface`; `false` if that is on none. Of the seeds around it,
+/// those for which `is_of_surface` count.
+pub(super) fn is_off_the_surface(
+    seeds: &NeighborGrid,
+    position: Local,
+    on_surface: Local,
+    options: &SolverOptions,
+    is_of_surface: impl Fn(usize) -> bool,
+) -> bool {
+    let around = linked_to(seeds, on_surface, options.surface_radius());
+    let of_surface = around.filter(|&(seed, _)| is_of_surface(seed));
+    let steps: Vec<Local> = of_surface.map(|(_, seed)| seed - on_surface).collect();
+    steps.len() >= FEWEST_ON_A_SURFACE
+        && matches!(shape(steps), Shape::Plane(plane)
+            if plane.thickness < THICKEST_SURFACE_IN_SPACINGS * options.spacing
+                && !plane.is_near(position - on_surface, options.spacing))
+}
