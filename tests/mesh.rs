@@ -548,4 +548,8 @@ fn on_a_street_surfaces_have_no_holes_and_triangles_lie_on_them() {
     };
     let of_centres = mean(&mut mesh.triangles.iter().map(centre));
     assert!(of_centres <= 1.1 * of_points, "{of_centres} {of_points}");
+
+    // Slivers at borders would make it 35.8°.
+    let least_percent = report(&cloud)["mesh"]["smallest_angle_p1"].as_f64();
+    assert!(least_percent > Some(37.0), "{least_percent:?}");
 }

@@ -1,15 +1,15 @@
 //! Triangles between even points: a mesh of the surfaces that the points lie on.
 //!
 //! ```text
-//!   points, normals ─► stars ─► agreement ─► holes ─► triangles ─► sides ─► oriented triangles
+//!   points, normals ─► stars ─► agreement ─► holes ─► fringe ─► triangles ─► sides ─► oriented triangles
 //! ```
 //!
 //! The **star** of a point are the triangles that its Voronoi cell on the surface names: one for each corner
 //! of the cell, with the two neighbours that meet there. On a smooth surface the stars of the three points
 //! name the same triangle, and together they are the restricted Delaunay triangulation. Where they differ,
 //! **agreement** chooses, so that no two triangles overlap and no edge has more than two. **Holes** that
-//! are narrower than a few spacings are closed; wider ones are borders. **Sides** turns the triangles of
-//! a component the same way around.
+//! are narrower than a few spacings are closed; wider ones are borders. From their **fringe** slivers and loose ears are
+//! taken away. **Sides** turns the triangles of a component the same way around.
 //!
 //! Every decision is made from what lies within [`REACH_IN_SPACINGS`] of it, in an order that the positions
 //! give. So the mesh of a part of a cloud is that of the whole cloud, away from the borders of the part.
@@ -21,6 +21,7 @@ mod component;
 mod edges;
 mod estimated_normals;
 mod figures;
+mod fringe;
 mod holes;
 mod joined;
 mod part;
@@ -51,6 +52,7 @@ pub(crate) const REACH_IN_SPACINGS: f64 = estimated_normals::REACH
     + stars::REACH
     + agreement::REACH
     + holes::REACH
+    + fringe::REACH
     + 2.0 * stars::LARGEST_CIRCUMRADIUS;
 
 /// Which points of a cloud have triangles.
@@ -75,8 +77,9 @@ pub(crate) fn triangulate(
 ) -> Vec<Corners> {
     let candidates = stars::candidates(positions, normals, spacing);
     let mut triangles = agreement::agreed(positions, candidates);
-    holes::close(positions, spacing, &mut triangles);
+    let may_be_border = holes::close(positions, spacing, &mut triangles);
     triangles.sort_unstable();
+    fringe::trim(positions, spacing, may_be_border, &mut triangles);
     triangles
 }
 

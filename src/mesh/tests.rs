@@ -308,3 +308,53 @@ fn points_without_surface_have_triangles_if_they_are_asked_for() {
     assert!(triangles.is_empty());
     assert_eq!(figures.loose, 100);
 }
+
+/// The corners of `triangles`, and the number of components that hang together by edges.
+fn used_and_components(triangles: &[Corners]) -> (Vec<u32>, usize) {
+    let mut used: Vec<u32> = triangles.iter().flatten().copied().collect();
+    used.sort_unstable();
+    used.dedup();
+    let mut joined = joined::Joined::new(triangles.len());
+    let mut components = triangles.len();
+    for (_, on_edge) in edges::EdgeTable::new(triangles).all() {
+        if let Some([(one, _), (other, _)]) = on_edge.both() {
+            let joining = joined.join(one, other, false);
+            components -= usize::from(matches!(joining, joined::Joining::New { .. }));
+        }
+    }
+    (used, components)
+}
+
+#[test]
+fn a_trimmed_fringe_leaves_every_point_and_what_hangs_together() {
+    let mut taken = 0;
+    for (noise, share) in [(0.1, 0.3), (0.3, 0.2), (0.45, 0.4), (0.45, 0.1)] {
+        // Points without a normal make holes and borders of all shapes.
+        let mut points = cloud(sheet(6.0), noise);
+        points.sort_unstable_by_key(|point| point.point);
+        let positions: Vec<Local> = points
+            .iter()
+            .map(|point| QUANTIZATION.local(point.point))
+            .collect();
+        let is_on_surface = |point: &&MeshPoint| unit(2000 + u64::from(point.index)) > share;
+        let normals: Vec<Option<Local>> = points
+            .iter()
+            .map(|point| Some(point).filter(is_on_surface)?.normal)
+            .collect();
+        let candidates = stars::candidates(&positions, &normals, 1.0);
+        let mut triangles = agreement::agreed(&positions, candidates);
+        let may_be_border = holes::close(&positions, 1.0, &mut triangles);
+        triangles.sort_unstable();
+        let mut trimmed = triangles.clone();
+        fringe::trim(&positions, 1.0, may_be_border, &mut trimmed);
+        let is_same = used_and_components(&trimmed) == used_and_components(&triangles);
+        assert!(is_same, "noise of {noise}, {share} without a normal");
+        // What is known of the borders beforehand saves time, and no more.
+        let mut by_all = triangles.clone();
+        fringe::trim(&positions, 1.0, vec![true; positions.len()], &mut by_all);
+        assert_eq!(by_all, trimmed);
+        assert!(edges_of(&trimmed).values().all(|runs| runs.len() <= 2));
+        taken += triangles.len() - trimmed.len();
+    }
+    assert!(taken > 100, "{taken}");
+}
