@@ -54,11 +54,11 @@ const LINK_IN_SPACINGS: f64 = 1.25;
 /// Radius of the neighbourhood in which seeds may lie on a common plane, in linking distances.
 const PLANE_IN_LINKS: f64 = 2.3;
 /// A seed is beside a surface if one on it is nearer than this, in linking distances.
-const BESIDE_IN_LINKS: f64 = 2.0;
+const BESIDE_IN_LINKS: f64 = 1.75;
 /// Radius of the neighbourhood of a seed whose plane is its surface, in linking distances.
 const SURFACE_IN_LINKS: f64 = 1.6;
 /// So many seeds that belong together are never isolated.
-pub(super) const MANY_SEEDS: usize = 4;
+pub(super) const MANY_SEEDS: usize = 3;
 
 impl SolverOptions {
     /// The default options at `spacing` (CRS units).

@@ -6,8 +6,8 @@
 //! ```text
 //!     ·    ·               adrift: thin seeds, and none but thin ones linked to them, on no common plane: rain
 //!   ·        ·  ·
-//!        **                then a few seeds, no other linked to them, that stand for no more points
-//!              ·           of the scan than a few seeds around them: a bird, a leaf
+//!        **                then one or two seeds, no other linked to them, that stand for hardly more points
+//!              ·           of the scan than a seed around them: a bird, a leaf
 //!   ─*──*──*──*──*──*──    beside a surface, and not on it: a seed that stands for next to nothing of what those
 //!                          on the surface do
 //! ```
@@ -19,6 +19,8 @@
 
 mod planes;
 mod represented;
+
+use std::sync::OnceLock;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -56,8 +58,8 @@ const FEW_POINTS: f64 = 2.0;
 const THIN_SHARE: f64 = 0.25;
 /// A seed beside a surface stands for no more than this share of the points of a seed on it.
 const SHARE_BESIDE_A_SURFACE: f64 = 0.1;
-/// A small group stands for no more points than this share of those that the voxels of so many seeds around it usually have.
-const SHARE_OF_A_GROUP: f64 = 0.4;
+/// A small group stands for no more points than so many seeds around it usually do.
+const SEEDS_WORTH_OF_A_GROUP: f64 = 1.2;
 /// A small group of no more points than this share of what a seed stands for on average is small however sparse the scan is
 /// around it.
 const AVERAGE_SHARE_OF_A_GROUP: f64 = 0.2;
@@ -72,49 +74,76 @@ pub(super) fn are_isolated(
     positions: &[Local],
     matters: impl Fn(usize) -> bool + Sync,
 ) -> Vec<bool> {
-    let link = surface.options.link();
+    let grid = surface
+        .field()
+        .grid_of_edge(positions, surface.options.link());
     let seeds = Seeds {
         surface,
         positions,
-        grid: surface.field().grid_of_edge(positions, link),
-        points: (positions.par_iter().with_max_len(ITEMS_PER_TASK))
-            .map(|&seed| Represented::by(surface.with(&surface.options_at(seed)), seed))
-            .collect(),
+        grid,
+        points: positions.iter().map(|_| OnceLock::new()).collect(),
+        are_lost: positions.iter().map(|_| OnceLock::new()).collect(),
     };
-    let numbers = || {
-        (0..positions.len())
-            .into_par_iter()
-            .with_max_len(ITEMS_PER_TASK)
-    };
-    let is_lost: Vec<bool> =
-        (numbers().map(|seed| seeds.is_adrift(seed) || seeds.is_beside_a_surface(seed))).collect();
-
-    // Small groups among the others.
-    let others = positions.iter().zip(&is_lost);
-    let others: Vec<Local> = others
-        .filter_map(|(&place, &is_lost)| (!is_lost).then_some(place))
-        .collect();
-    let grid = surface.field().grid_of_edge(&others, link);
-    let is_in_a_small_group = |place: Local| {
-        let options = surface.options_at(place);
-        linked_seeds(&grid, place, options.link())
-            .is_some_and(|group| !are_dense(surface.with(&options), &group))
-    };
-    let is_isolated =
-        |seed: usize| matters(seed) && (is_lost[seed] || is_in_a_small_group(positions[seed]));
-    numbers().map(is_isolated).collect()
+    (0..positions.len())
+        .into_par_iter()
+        .with_max_len(ITEMS_PER_TASK)
+        .map(|seed| matters(seed) && (seeds.is_lost(seed) || seeds.is_in_a_small_group(seed)))
+        .collect()
 }
 
-/// The seeds of a cloud.
+/// The seeds of a cloud. What is known of one is found out when it is first asked for: in a tile most are in the halo, and
+/// only those near its core are.
 struct Seeds<'a> {
     surface: Surface<'a>,
     positions: &'a [Local],
     grid: NeighborGrid,
     /// What each of them stands for.
-    points: Vec<Represented>,
+    points: Vec<OnceLock<Represented>>,
+    /// Whether each of them is adrift, or beside a surface.
+    are_lost: Vec<OnceLock<bool>>,
 }
 
 impl Seeds<'_> {
+    /// The points of the scan that the seed stands for.
+    fn points(&self, seed: usize) -> Represented {
+        *self.points[seed].get_or_init(|| {
+            let place = self.positions[seed];
+            let options = self.surface.options_at(place);
+            Represented::by(self.surface.with(&options), place)
+        })
+    }
+
+    /// Whether the seed is adrift, or beside a surface.
+    fn is_lost(&self, seed: usize) -> bool {
+        *self.are_lost[seed].get_or_init(|| self.is_adrift(seed) || self.is_beside_a_surface(seed))
+    }
+
+    /// Whether the seed and what belongs to it, without those that are lost, are few and stand for few points.
+    fn is_in_a_small_group(&self, seed: usize) -> bool {
+        let place = self.positions[seed];
+        let options = self.surface.options_at(place);
+        self.linked_seeds(seed, options.link())
+            .is_some_and(|group| !are_dense(self.surface.with(&options), &group))
+    }
+
+    /// The seeds that belong to this one, itself among them, without those that are lost; `None` if they are many.
+    fn linked_seeds(&self, seed: usize, link: f64) -> Option<Vec<Local>> {
+        let mut linked = vec![self.positions[seed]];
+        let mut next = 0;
+        while next < linked.len() {
+            for (other, place) in linked_to(&self.grid, linked[next], link) {
+                if !linked.contains(&place) && !self.is_lost(other) {
+                    linked.push(place);
+                }
+                if linked.len() >= MANY_SEEDS {
+                    return None;
+                }
+            }
+            next += 1;
+        }
+        Some(linked)
+    }
+
     /// Whether the seed is thin and all that are linked to it are, however many, and they lie on no plane.
     fn is_adrift(&self, seed: usize) -> bool {
         let place = self.positions[seed];
@@ -122,10 +151,10 @@ impl Seeds<'_> {
         let linked = || linked_to(&self.grid, place, options.link());
         let average = f64::max(FEW_POINTS, average_points(self.surface));
         // What is quick to find out comes first: hardly a seed of a surface is left when surroundings are looked at.
-        linked().all(|(other, _)| self.points[other].own <= average)
+        linked().all(|(other, _)| self.points(other).own <= average)
             && !lies_on_a_plane(&self.grid, place, &options)
             && !lies_among_alike(&self.grid, place, &options, |other| {
-                self.points[other].own <= average
+                self.points(other).own <= average
             })
             && linked().all(|(other, _)| self.is_thin(other))
     }
@@ -135,7 +164,7 @@ impl Seeds<'_> {
         let place = self.positions[seed];
         let options = self.surface.options_at(place);
         let usual = || usual_points(self.surface.with(&options), &[place]);
-        let own = self.points[seed].own;
+        let own = self.points(seed).own;
         own <= FEW_POINTS || own <= THIN_SHARE * usual()
     }
 
@@ -143,7 +172,7 @@ impl Seeds<'_> {
     fn is_beside_a_surface(&self, seed: usize) -> bool {
         let place = self.positions[seed];
         let options = self.surface.options_at(place);
-        let near = |seed: usize| self.points[seed].near;
+        let near = |seed: usize| self.points(seed).near;
         let is_small_beside =
             |seed: usize, other: usize| near(seed) <= SHARE_BESIDE_A_SURFACE * near(other);
         let is_beside = |(other, on_surface): (usize, Local)| {
@@ -174,27 +203,9 @@ fn linked_to(
     found.into_iter()
 }
 
-/// The seeds that belong to the one at `position`, itself among them; `None` if they are many.
-fn linked_seeds(seeds: &NeighborGrid, position: Local, link: f64) -> Option<Vec<Local>> {
-    let mut linked = vec![position];
-    let mut next = 0;
-    while next < linked.len() {
-        for (_, seed) in linked_to(seeds, linked[next], link) {
-            if !linked.contains(&seed) {
-                linked.push(seed);
-            }
-        }
-        if linked.len() >= MANY_SEEDS {
-            return None;
-        }
-        next += 1;
-    }
-    Some(linked)
-}
-
-/// Whether the `linked` seeds stand for more points than a few seeds around them.
+/// Whether the `linked` seeds stand for more points than seeds around them usually do.
 fn are_dense(surface: Surface<'_>, linked: &[Local]) -> bool {
-    let voxels = SHARE_OF_A_GROUP * (MANY_SEEDS - 1) as f64 * VOXELS_OF_A_SEED;
+    let voxels = SEEDS_WORTH_OF_A_GROUP * VOXELS_OF_A_SEED;
     // A point more than the mean is usual by chance alone.
     let usual = voxels * (usual_points(surface, linked) - 1.0);
     let few = AVERAGE_SHARE_OF_A_GROUP * average_points(surface);

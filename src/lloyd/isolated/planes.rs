@@ -18,8 +18,11 @@ const FEWEST_ON_A_LINE: usize = 4;
 const SHARE_ALONG_A_LINE: f64 = 0.98;
 /// Largest standard deviation of the seeds across their plane.
 const THICKEST_PLANE_IN_SPACINGS: f64 = 0.4;
-/// Largest standard deviation of the seeds of a surface across a plane.
-const THICKEST_SURFACE_IN_SPACINGS: f64 = 0.2;
+/// Largest standard deviation of sparse seeds across a plane of their own.
+const THICKEST_PLANE_OF_ALIKE_IN_SPACINGS: f64 = 0.2;
+/// Largest standard deviation of the seeds of a surface across its plane: those of walls and streets have a few
+/// hundredths, and on a branch hardly ever are so many so flat.
+const THICKEST_SURFACE_IN_SPACINGS: f64 = 0.1;
 /// Largest distance of a seed from the plane of those around it.
 const FARTHEST_FROM_PLANE_IN_SPACINGS: f64 = 0.5;
 
@@ -93,7 +96,7 @@ pub(super) fn lies_among_alike(
         seeds,
         position,
         options,
-        THICKEST_SURFACE_IN_SPACINGS,
+        THICKEST_PLANE_OF_ALIKE_IN_SPACINGS,
         is_alike,
     )
 }
