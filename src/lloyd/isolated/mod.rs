@@ -17,6 +17,7 @@
 //! thin seeds lie on a plane, and a lone thing stays that was scanned more densely than what is around it. Leaves around
 //! a branch stay, too: a branch is no surface. The rule looks a fixed number of spacings around, so that all tiles agree.
 
+mod linked;
 mod planes;
 mod represented;
 
@@ -26,8 +27,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use self::{
+    linked::linked_to,
     planes::{is_off_the_surface, lies_among_alike, lies_on_a_plane},
-    represented::{Represented, average_points, own_points, usual_points},
+    represented::{Represented, VOXELS_OF_A_SEED, average_points, own_points, usual_points},
 };
 use super::{options::MANY_SEEDS, surface::Surface};
 use crate::geometry::{ITEMS_PER_TASK, Local, NeighborGrid};
@@ -65,8 +67,6 @@ const SEEDS_WORTH_OF_A_GROUP: f64 = 1.2;
 const AVERAGE_SHARE_OF_A_GROUP: f64 = 0.2;
 /// So few points are a small group however sparse the scan is.
 const FEW_POINTS_OF_A_GROUP: f64 = 3.0;
-/// Number of voxels that the cell of a seed on a surface meets.
-const VOXELS_OF_A_SEED: f64 = 5.4;
 
 /// Whether each of the seeds at `positions` is isolated. Those for which `matters` is false are not looked at.
 pub(super) fn are_isolated(
@@ -186,21 +186,6 @@ impl Seeds<'_> {
             .any(is_beside)
             && !lies_on_a_plane(&self.grid, place, &options)
     }
-}
-
-/// The seeds within `link` of `position`, one at the position among them.
-fn linked_to(
-    seeds: &NeighborGrid,
-    position: Local,
-    link: f64,
-) -> impl Iterator<Item = (usize, Local)> {
-    let mut found = Vec::new();
-    seeds.visit_around(position, link, |seed, place| {
-        if (place - position).norm_squared() <= link * link {
-            found.push((seed as usize, place));
-        }
-    });
-    found.into_iter()
 }
 
 /// Whether the `linked` seeds stand for more points than seeds around them usually do.

@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix3;
 
-use super::linked_to;
+use super::linked::linked_to;
 use crate::{
     geometry::{Local, NeighborGrid, by_position, narrow_frame},
     lloyd::options::SolverOptions,

@@ -1,12 +1,13 @@
 //! How many points of the scan seeds stand for, and how many are usual there.
 
-use super::VOXELS_OF_A_SEED;
 use crate::{geometry::Local, lloyd::surface::Surface};
 
 /// The points that a seed stands for are those nearer to it.
 const OWN_IN_SPACINGS: f64 = 1.0;
 /// The points that a seed alone stands for are those nearer to it: other seeds are hardly ever as near to them.
 const NEAR_IN_SPACINGS: f64 = 0.5;
+/// Number of voxels that the cell of a seed on a surface meets.
+pub(super) const VOXELS_OF_A_SEED: f64 = 5.4;
 /// Radius of the surroundings by which it is judged how many points are few: no more than the margin of an election.
 const SURROUNDINGS_IN_SPACINGS: f64 = 8.0;
 
