@@ -17,7 +17,12 @@
 //! angle goes. At the tip of an ear other triangles remain, and the one beyond its base has another neighbour that remains.
 //! All triangles of a round are chosen by what was there before it.
 
-use super::{Corners, edges::EdgeTable, stars::LARGEST_CIRCUMRADIUS, triangle::edges};
+use super::{
+    Corners,
+    edges::EdgeTable,
+    stars::LARGEST_CIRCUMRADIUS,
+    triangle::{angle_cosine, edges, places},
+};
 use crate::geometry::Local;
 
 /// Number of rounds: behind a sliver there can be another one. A third round would find about one for a hundred of the
@@ -125,9 +130,8 @@ impl<'a> Fringe<'a> {
     /// The slivers, one to each corner inside of the surface.
     fn slivers(&self, is_border: &[bool]) -> impl Iterator<Item = u32> + use<> {
         let sliver = |&([from, to], (triangle, tip)): &([u32; 2], (u32, u32))| {
-            let [from, to, place] = [from, to, tip].map(|corner| self.positions[corner as usize]);
-            let (one, other) = (from - place, to - place);
-            let cosine = one.dot(&other) / (one.norm() * other.norm());
+            let [place, from, to] = places(self.positions, [tip, from, to]);
+            let cosine = angle_cosine(place, from, to);
             let is_sliver =
                 self.open_edges[triangle as usize] == 1 && !is_border[tip as usize] && cosine < 0.0;
             is_sliver.then_some((tip, cosine, triangle))

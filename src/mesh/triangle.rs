@@ -26,13 +26,17 @@ pub(super) fn circumradius_squared([a, b, c]: [Local; 3]) -> f64 {
     }
 }
 
+/// The cosine of the angle at `tip` between the ways to `one` and to `other`.
+pub(super) fn angle_cosine(tip: Local, one: Local, other: Local) -> f64 {
+    let (one, other) = (one - tip, other - tip);
+    one.dot(&other) / (one.norm() * other.norm())
+}
+
 /// The cosine of the smallest angle of a triangle.
 pub(super) fn least_angle_cosine([a, b, c]: [Local; 3]) -> f64 {
-    let at = |tip: Local, one: Local, other: Local| {
-        let (one, other) = (one - tip, other - tip);
-        one.dot(&other) / (one.norm() * other.norm())
-    };
-    at(a, b, c).max(at(b, c, a)).max(at(c, a, b))
+    let cosines = [(a, b, c), (b, c, a), (c, a, b)];
+    let [first, second, third] = cosines.map(|(tip, one, other)| angle_cosine(tip, one, other));
+    first.max(second).max(third)
 }
 
 /// The cosine of the angle at which the triangles from the edge `from`–`to` to `one` and to `other` meet: −1 in

@@ -26,18 +26,31 @@ impl Represented {
             own: 0.0,
             near: 0.0,
         };
-        let [own, near] = [OWN_IN_SPACINGS, NEAR_IN_SPACINGS].map(|r| r * surface.spacing());
-        let samples = surface.scan.samples();
-        samples.visit_around(seed, own, |sample, place| {
-            let distance = (place - seed).norm();
-            if distance < own {
-                let count = surface.scan.points_of_sample(sample);
-                points.own += count;
-                points.near += if distance < near { count } else { 0.0 };
+        let near = NEAR_IN_SPACINGS * surface.spacing();
+        visit_within(surface, seed, OWN_IN_SPACINGS, |place, count| {
+            points.own += count;
+            if (place - seed).norm() < near {
+                points.near += count;
             }
         });
         points
     }
+}
+
+/// Visits the samples of the scan nearer to `centre` than `radius` (spacings), each with its place and the number of its points.
+fn visit_within(
+    surface: Surface<'_>,
+    centre: Local,
+    radius: f64,
+    mut visit: impl FnMut(Local, f64),
+) {
+    let radius = radius * surface.spacing();
+    let samples = surface.scan.samples();
+    samples.visit_around(centre, radius, |sample, place| {
+        if (place - centre).norm() < radius {
+            visit(place, surface.scan.points_of_sample(sample));
+        }
+    });
 }
 
 /// Whether `place` is one that one of the `seeds` stands for.
@@ -49,13 +62,10 @@ fn is_own(surface: Surface<'_>, seeds: &[Local], place: Local) -> bool {
 /// The number of points of the scan that the `seeds` stand for.
 pub(super) fn own_points(surface: Surface<'_>, seeds: &[Local]) -> f64 {
     let mut points = 0.0;
-    let reach = OWN_IN_SPACINGS * surface.spacing();
     for (k, &seed) in seeds.iter().enumerate() {
-        let samples = surface.scan.samples();
-        samples.visit_around(seed, reach, |sample, place| {
-            let is_counted = is_own(surface, &seeds[..k], place);
-            if !is_counted && (place - seed).norm() < reach {
-                points += surface.scan.points_of_sample(sample);
+        visit_within(surface, seed, OWN_IN_SPACINGS, |place, count| {
+            if !is_own(surface, &seeds[..k], place) {
+                points += count;
             }
         });
     }
@@ -70,17 +80,19 @@ pub(super) fn average_points(surface: Surface<'_>) -> f64 {
 /// The number of points that voxels around the `seeds` usually have: the mean over the points, not over the voxels, which
 /// is that of dense surfaces amid sparse clutter.
 pub(super) fn usual_points(surface: Surface<'_>, seeds: &[Local]) -> f64 {
-    let around = SURROUNDINGS_IN_SPACINGS * surface.spacing();
     // Sums of whole numbers do not depend on their order.
     let (mut sum, mut squares) = (0.0, 0.0);
-    let samples = surface.scan.samples();
-    samples.visit_around(seeds[0], around, |sample, place| {
-        if (place - seeds[0]).norm() < around && !is_own(surface, seeds, place) {
-            let count = surface.scan.points_of_sample(sample);
-            sum += count;
-            squares += count * count;
-        }
-    });
+    visit_within(
+        surface,
+        seeds[0],
+        SURROUNDINGS_IN_SPACINGS,
+        |place, count| {
+            if !is_own(surface, seeds, place) {
+                sum += count;
+                squares += count * count;
+            }
+        },
+    );
     match sum > 0.0 {
         true => squares / sum,
         false => average_points(surface) / VOXELS_OF_A_SEED,
