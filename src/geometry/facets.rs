@@ -50,6 +50,13 @@ impl Facet {
         self.normal.dot(&(position - self.point))
     }
 
+    /// Whether the plane is nearly parallel to `other`, and within `distance` (CRS units) of it where both are.
+    pub(super) fn is_near(&self, other: &Self, distance: f64) -> bool {
+        let apart = self.height(other.point).abs();
+        let sine = self.normal.cross(&other.normal).norm();
+        sine < LEAST_SINE && apart.max(other.height(self.point).abs()) < distance
+    }
+
     /// The plane that fits the `weighted` positions best; `None` if they are too few, lie on a
     /// line, or are on average farther from it than `largest_residual` (CRS units).
     pub(super) fn fit(
