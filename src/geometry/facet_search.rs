@@ -14,6 +14,7 @@
 
 use super::{
     Local, Patch,
+    facet_samples::{FacetSample, Tolerance, correlation_of_neighbors, explained, nearness},
     facets::{Facet, Facets, MOST_FACETS},
     lanes::LANES,
 };
@@ -49,106 +50,6 @@ const LEAST_CORRELATION: f64 = 0.05;
 const APART_IN_TOLERANCES: f64 = 4.0;
 /// A facet lies on one side of another if the samples on the wrong side have less than this share.
 const WRONG_SIDE_SHARE: f64 = 0.15;
-
-/// A sample around a site.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct FacetSample {
-    /// The sample, seen from the site (CRS units).
-    way: Local,
-    /// The square of its distance from the site (CRS units squared).
-    distance_squared: f64,
-    /// The weight that it has by itself.
-    own: f64,
-    /// Its weight in a fit.
-    weight: f64,
-    /// Its weight in a score.
-    vote: f64,
-}
-
-impl FacetSample {
-    /// The sample at `position` in the neighbourhood of `site` with this `radius` (CRS units). `weight` is that which it
-    /// has by itself.
-    pub(crate) fn new(position: Local, site: Local, weight: f64, radius: f64) -> Self {
-        let way = position - site;
-        let distance_squared = way.norm_squared();
-        let near = nearness(distance_squared, radius * radius);
-        Self {
-            way,
-            distance_squared,
-            own: weight,
-            weight: near * weight,
-            vote: near * weight.sqrt(),
-        }
-    }
-}
-
-/// The weight by a squared distance, which falls to 0 at the square of the radius.
-fn nearness(distance_squared: f64, radius_squared: f64) -> f64 {
-    let share = (1.0 - distance_squared / radius_squared).max(0.0);
-    share * share
-}
-
-/// The distance from a surface within which samples lie on it.
-#[derive(Clone, Copy)]
-struct Tolerance {
-    /// The distance (CRS units), and its reciprocal: divisions took a fifth of the time of a search.
-    distance: f64,
-    reciprocal: f64,
-}
-
-impl Tolerance {
-    fn new(distance: f64) -> Self {
-        Self {
-            distance,
-            reciprocal: 1.0 / distance,
-        }
-    }
-
-    /// How near a surface is from which a sample has the distance `height` (CRS units): 1 on it, falling to 0 at the
-    /// tolerance.
-    #[inline]
-    fn closeness(self, height: f64) -> f64 {
-        let share = height * self.reciprocal;
-        (1.0 - share * share).max(0.0)
-    }
-}
-
-/// The mean of `closeness` over the `samples` within `radius` (CRS units) of the site, by weight.
-fn explained(samples: &[FacetSample], radius: f64, closeness: impl Fn(&FacetSample) -> f64) -> f64 {
-    let (mut all, mut explained) = (0.0, 0.0);
-    for sample in samples {
-        let weight = nearness(sample.distance_squared, radius * radius) * sample.own;
-        all += weight;
-        explained += weight * closeness(sample);
-    }
-    explained / all
-}
-
-/// The correlation between the `residual` of one of the `samples` and that of the sample nearest to it; 0 if no sample has
-/// a residual.
-fn correlation_of_neighbors(
-    samples: &[FacetSample],
-    residual: impl Fn(&FacetSample) -> f64,
-) -> f64 {
-    let residuals: Vec<f64> = samples.iter().map(residual).collect();
-    let (mut products, mut squares) = (0.0, 0.0);
-    for (own, sample) in samples.iter().enumerate() {
-        let (mut nearest, mut least) = (own, f64::INFINITY);
-        for (other, neighbor) in samples.iter().enumerate() {
-            let distance = (neighbor.way - sample.way).norm_squared();
-            if distance < least && other != own {
-                (nearest, least) = (other, distance);
-            }
-        }
-        products += residuals[own] * residuals[nearest];
-        squares += residuals[own] * residuals[own];
-    }
-    if squares > 0.0 {
-        products / squares
-    } else {
-        0.0
-    }
-}
 
 /// The search for facets among the samples around a site, from which they are seen.
 struct Search<'a> {
