@@ -44,7 +44,7 @@ const LEAST_EXPLAINED: f64 = 0.3;
 /// A single facet explains as much more than the patch does: by noise alone a plane often explains a little more.
 const LEAST_GAIN_OF_ONE: f64 = 0.1;
 /// Correlation between the residuals of samples next to each other from which on they may be due to an edge. On a
-/// simulated street with noise of 0.09 spacings that spared two thirds of the searches; the points were where they had been.
+/// simulated street with noise of 0.09 spacings that spares two thirds of the searches.
 const LEAST_CORRELATION: f64 = 0.05;
 /// Nearly parallel planes nearer to each other than this number of tolerances are the same facet.
 const APART_IN_TOLERANCES: f64 = 4.0;
@@ -96,11 +96,10 @@ impl Search<'_> {
     }
 
     /// The facets that explain the most samples, the best first, each by those that the former ones leave.
-    fn facets(&self, candidates: &[Facet]) -> Vec<Facet> {
+    fn facets(&self, mut candidates: Vec<Facet>) -> Vec<Facet> {
         let mut facets: Vec<Facet> = Vec::with_capacity(MOST_FACETS);
         let votes: f64 = self.samples.iter().map(|sample| sample.vote).sum();
         let mut left = self.samples.to_vec();
-        let mut candidates = candidates.to_vec();
         let mut least = LEAST_SHARE * votes;
         let apart = APART_IN_TOLERANCES * self.tolerance.distance;
         while facets.len() < MOST_FACETS
@@ -228,8 +227,7 @@ impl Facets {
         if correlation_of_neighbors(near, residual) < LEAST_CORRELATION {
             return None;
         }
-        let candidates = search.candidates(fit_radius);
-        let mut facets = search.facets(&candidates);
+        let mut facets = search.facets(search.candidates(fit_radius));
         for _ in 0..JOINT_ROUNDS {
             search.fit_together(&mut facets);
         }
@@ -326,11 +324,12 @@ mod tests {
 
     #[test]
     fn noise_is_no_edge() {
-        // The layer is several tolerances thick: planes through parts of it explain much.
-        let noise = 6.0 * TOLERANCE_IN_FIT_RADII * RADIUS;
+        // Planes through parts of such a layer explain more of it than a patch does, at each of these sites.
+        let noise = 4.0 * TOLERANCE_IN_FIT_RADII * RADIUS;
         let sites = (0..40).map(|k| Local::new(0.05 * f64::from(k) - 1.0, 0.3, 0.0));
         let edges = sites.filter(|&site| found(|_, _| 0.0, noise, site).0.is_some());
-        assert!(edges.count() <= 2);
+        let edges = edges.count();
+        assert!(edges <= 2, "{edges}");
     }
 
     #[test]
