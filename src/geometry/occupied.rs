@@ -172,6 +172,19 @@ impl OccupiedCells {
         self.starts.len() - 1
     }
 
+    /// Number of occupied cells of the grid whose cells are twice as wide.
+    pub(crate) fn doubled_len(&self) -> usize {
+        /// The cells of a brick of which all indices are even.
+        const EVEN: u64 = 0x0000_0505_0000_0505;
+        let doubled = |brick: &Brick| {
+            let along_x = brick.occupied | brick.occupied >> 1;
+            let along_y = along_x | along_x >> 4;
+            let along_z = along_y | along_y >> 16;
+            (along_z & EVEN).count_ones() as usize
+        };
+        self.bricks.iter().map(doubled).sum()
+    }
+
     /// The ranges of points of the occupied cells, in their order.
     pub(crate) fn ranges(&self) -> impl ExactSizeIterator<Item = Range<usize>> + '_ {
         self.starts.windows(2).map(|w| w[0] as usize..w[1] as usize)
@@ -310,6 +323,19 @@ mod tests {
             assert!(range.any(|index| order[index] as usize == i));
         }
         assert!(occupied.range([100, 0, 0]).is_empty());
+    }
+
+    #[test]
+    fn cells_twice_as_wide_are_counted_as_if_the_points_were_sorted_into_them() {
+        let doubled = |cell: &CellIndex| cell.map(|c| c.div_euclid(2));
+        for count in [0, 1, 40, 900] {
+            let cells: Vec<CellIndex> = (0..count)
+                .map(|i| [0, 1, 2].map(|axis| (spread(3 * i + axis) % 13) as i32 - 6))
+                .collect();
+            let (occupied, _) = OccupiedCells::sort(&cells, |&cell| cell);
+            let (wider, _) = OccupiedCells::sort(&cells, doubled);
+            assert_eq!(occupied.doubled_len(), wider.len());
+        }
     }
 
     /// Stray returns or damage scatter cells too far apart for one word.

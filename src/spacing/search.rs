@@ -24,11 +24,11 @@ const ESTIMATE_SAMPLE: SampleSize = SampleSize {
     parts: 8.0,
     share: 0.04,
 };
-/// Parts in which seeds are elected to meet a count. Of four counts on three scans the spacing came out
-/// within 0.2 % of what all parts give, within 0.4 % with half as many parts again.
+/// Parts in which seeds are elected to meet a count. On six scans at three counts each the sites came out within 1.4 % of the
+/// count, and within 1 % at 16 of the 18.
 const COUNT_SAMPLE: SampleSize = SampleSize {
-    parts: 40.0,
-    share: 0.2,
+    parts: 32.0,
+    share: 0.15,
 };
 /// One in this many drawn parts is tried first, and the others only where it comes near the count.
 const FIRST_PART_IN: usize = 4;

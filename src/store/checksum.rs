@@ -11,11 +11,14 @@ const BATCH_BYTES: usize = 1 << 20;
 ///
 /// # Errors
 ///
-/// If it cannot be read.
-pub(super) fn checksum(file: &mut impl Read) -> io::Result<String> {
+/// If it cannot be read, or soon after `is_stopped` becomes true.
+pub(super) fn checksum(file: &mut impl Read, is_stopped: &dyn Fn() -> bool) -> io::Result<String> {
     let mut digest = Sha256::new();
     let mut buffer = vec![0; BATCH_BYTES];
     loop {
+        if is_stopped() {
+            return Err(io::ErrorKind::Interrupted.into());
+        }
         match file.read(&mut buffer)? {
             0 => return Ok(digits(digest)),
             read => digest.update(&buffer[..read]),
@@ -37,8 +40,14 @@ mod tests {
     fn a_checksum_is_the_one_that_others_compute() {
         // FIPS 180-2, appendix B.1.
         assert_eq!(
-            checksum(&mut &b"abc"[..]).unwrap(),
+            checksum(&mut &b"abc"[..], &|| false).unwrap(),
             "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
         );
+    }
+
+    #[test]
+    fn a_file_is_not_read_to_its_end_when_nobody_waits_for_its_checksum() {
+        let error = checksum(&mut io::repeat(0), &|| true).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::Interrupted);
     }
 }

@@ -107,12 +107,12 @@ impl Source {
     ///
     /// # Errors
     ///
-    /// If the bytes cannot be read.
-    pub(crate) fn checksum(&self) -> io::Result<String> {
+    /// If the bytes cannot be read; of a file, soon after `is_stopped` becomes true.
+    pub(crate) fn checksum(&self, is_stopped: &dyn Fn() -> bool) -> io::Result<String> {
         if let Some(object) = &self.object {
             return object.checksum();
         }
-        checksum(&mut File::open(&self.path)?)
+        checksum(&mut File::open(&self.path)?, is_stopped)
     }
 
     /// The identity of the object when it was found; `None` for a file.

@@ -7,6 +7,32 @@ use crate::{
     tiling::{Bounds, CountedCloud},
 };
 
+/// Points that a thread gathers before it thins them.
+const THINNED_BY_THREAD: usize = 50_000;
+
+/// Points of a part of a rectangle, which one thread gathers.
+struct PartOfRect {
+    points: ThinnedPoints,
+    /// They are thinned when they are more.
+    limit: usize,
+}
+
+impl Default for PartOfRect {
+    fn default() -> Self {
+        Self {
+            points: ThinnedPoints::default(),
+            limit: THINNED_BY_THREAD,
+        }
+    }
+}
+
+impl PartOfRect {
+    fn thin(&mut self, thinning: &Thinning) {
+        self.points = thinning.thinned(std::mem::take(&mut self.points));
+        self.limit = THINNED_BY_THREAD.max(2 * self.points.len());
+    }
+}
+
 impl CountedCloud for Spill {
     type Error = TileError;
 
@@ -38,17 +64,21 @@ impl CountedCloud for Spill {
         let mut limit = thinning_limit as usize;
         self.gather_each(
             rect,
-            |found: &mut ThinnedPoints, spilled| match spilled {
-                Spilled::Record(record) => {
-                    found.kept.push(Stored::of_record(record));
-                    found
-                        .tags
-                        .extend(self.rules().map(|rules| rules.tag(record)));
+            |found: &mut PartOfRect, spilled| {
+                match spilled {
+                    Spilled::Record(record) => {
+                        found.points.kept.push(Stored::of_record(record));
+                        let tag = self.rules().map(|rules| rules.tag(record));
+                        found.points.tags.extend(tag);
+                    }
+                    Spilled::Sum(sum) => found.points.sums.push(*sum),
                 }
-                Spilled::Sum(sum) => found.sums.push(*sum),
+                if found.points.len() > found.limit {
+                    found.thin(&thinning);
+                }
             },
             |found| {
-                points.append(found);
+                points.append(found.points);
                 if points.len() > limit {
                     points = thinning.thinned(std::mem::take(&mut points));
                     limit = limit.max(2 * points.len());

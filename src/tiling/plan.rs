@@ -71,8 +71,10 @@ impl Plan {
     /// A tile that no cut makes fit is taken whatever its cost, and so is a tile of a fixed size: the caller
     /// compares [`most_cost`](Self::most_cost) with the limit.
     pub(crate) fn make(squares: &[Square], square: i64, options: &PlanOptions) -> Self {
-        let points = SquareSums::new(squares.iter().map(|s| (s.index, s.points)), square);
-        let costs = SquareSums::new(squares.iter().map(|s| (s.index, s.cost)), square);
+        let (points, costs) = rayon::join(
+            || SquareSums::new(squares.iter().map(|s| (s.index, s.points)), square),
+            || SquareSums::new(squares.iter().map(|s| (s.index, s.cost)), square),
+        );
         let mut cores = Vec::new();
         if let Some(bounds) = points.bounds() {
             match options.tile_edge {

@@ -5,6 +5,8 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use crate::geometry::Rect;
 
 /// Numbers by counting square, as prefix sums along columns and rows. Squares are given by their index: the
@@ -26,7 +28,7 @@ struct Lines {
 
 impl Lines {
     fn new(mut squares: Vec<([i64; 2], u64)>, axis: usize) -> Self {
-        squares.sort_unstable_by_key(|(index, _)| [index[axis], index[1 - axis]]);
+        squares.par_sort_unstable_by_key(|(index, _)| [index[axis], index[1 - axis]]);
         let mut ends: Vec<(i64, usize)> = Vec::new();
         let (mut prefix_sums, mut sum) = (Vec::with_capacity(squares.len()), 0);
         for (index, count) in &squares {
@@ -66,10 +68,11 @@ impl SquareSums {
     /// Sums of `squares`, each with its index and its number, of `edge` stored units.
     pub(super) fn new(squares: impl Iterator<Item = ([i64; 2], u64)>, edge: i64) -> Self {
         let squares: Vec<([i64; 2], u64)> = squares.collect();
-        let rows = squares.clone();
+        let same = squares.clone();
+        let (columns, rows) = rayon::join(|| Lines::new(squares, 0), || Lines::new(same, 1));
         Self {
             edge,
-            lines: [Lines::new(squares, 0), Lines::new(rows, 1)],
+            lines: [columns, rows],
         }
     }
 

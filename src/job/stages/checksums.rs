@@ -20,10 +20,11 @@ const CHECKSUMS_FILE: &str = "inputs.json";
 ///
 /// # Errors
 ///
-/// [`JobError::Io`] if an input cannot be read.
+/// [`JobError::Io`] if an input cannot be read, or soon after `is_stopped` becomes true.
 pub(super) fn checksums(
     survey: &Survey,
     directory: &JobDirectory,
+    is_stopped: &(dyn Fn() -> bool + Sync),
 ) -> Result<Vec<Option<String>>, JobError> {
     let named: Vec<&InputFile> = survey.inputs.iter().take(NAMED_INPUTS_LIMIT).collect();
     if let Some(found) = directory.read::<Vec<Option<String>>>(CHECKSUMS_FILE)
@@ -34,7 +35,7 @@ pub(super) fn checksums(
     let checksum = |input: &&InputFile| match input.is_read_whole(&survey.filter) {
         true => input
             .source
-            .checksum()
+            .checksum(is_stopped)
             .map(Some)
             .map_err(|e| JobError::io("read", &input.path, e)),
         false => Ok(None),

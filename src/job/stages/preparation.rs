@@ -1,13 +1,16 @@
 //! Everything that precedes the solving of tiles: survey, scatter, spacing, plan.
 
-use std::path::PathBuf;
+use std::{
+    path::PathBuf,
+    sync::atomic::{AtomicBool, Ordering},
+};
 
 use super::{
     checksums::checksums,
     density::spacing_rules,
     input_counts::input_counts,
     no_points::no_points,
-    plan::plan_tiles,
+    plan::{JobPlan, plan_tiles},
     planned_job::PlannedJob,
     scatter::{SpillReaders, scatter_readable},
     scattered_cloud::ScatteredCloud,
@@ -24,7 +27,7 @@ use crate::job::{
     progress::Progress,
     resources::mebibytes,
 };
-use crate::{lloyd::Thinning, spacing::Target};
+use crate::{lloyd::Thinning, spacing::Target, tile::Spill};
 
 /// Brings the job to the point where its tiles can be solved, from where earlier runs stopped.
 /// Returns `None` if an earlier run has delivered the output. If several processes have begun to
@@ -143,13 +146,44 @@ fn scatter_and_plan(
         return Err(no_points(&survey, &spill));
     }
 
-    // Choose one spacing for the whole cloud, the coarsest one if it varies.
+    // Choose spacing and tiles while the inputs are named by their checksums. Without a plan none is needed.
     spill.set_rules(rules);
+    let has_failed = AtomicBool::new(false);
+    let is_stopped = || has_failed.load(Ordering::Relaxed) || run.cancel.load(Ordering::Relaxed);
+    let (plan, checksums) = rayon::join(
+        || {
+            let plan = choose_plan(run, directory, &survey, &mut spill, readers);
+            has_failed.store(plan.is_err(), Ordering::Relaxed);
+            plan
+        },
+        || checksums(&survey, directory, &is_stopped),
+    );
+    let plan = plan?;
+    run.clock.end_stage("plan");
+    run.check_cancelled()?;
+
+    // Check that the inputs are still those of the survey.
+    inputs.check()?;
+    let solver = TileSolver::new(spill, plan, &survey.record, settings);
+    Ok((survey, checksums?, solver))
+}
+
+/// Chooses the spacing for the points in `spill`, and plans the tiles.
+fn choose_plan(
+    run: &RunContext<'_>,
+    directory: &JobDirectory,
+    survey: &Survey,
+    spill: &mut Spill,
+    readers: SpillReaders,
+) -> Result<JobPlan, JobError> {
+    let settings = &run.job.settings;
+
+    // Choose one spacing for the whole cloud, the coarsest one if it varies.
     let cloud = ScatteredCloud {
         run,
         directory,
-        survey: &survey,
-        spill: &spill,
+        survey,
+        spill,
     };
     let (spacing, points_out) = choose_spacing(&cloud)?;
     let sites_per_point = points_out as f64 / spill.points() as f64;
@@ -167,15 +201,8 @@ fn scatter_and_plan(
     let cloud = ScatteredCloud {
         run,
         directory,
-        survey: &survey,
-        spill: &spill,
+        survey,
+        spill,
     };
-    let plan = plan_tiles(&cloud, &options, points_out, readers)?;
-    run.clock.end_stage("plan");
-
-    // Check that the inputs are still those of the survey, and name them by their checksums.
-    inputs.check()?;
-    let checksums = checksums(&survey, directory)?;
-    let solver = TileSolver::new(spill, plan, &survey.record, settings);
-    Ok((survey, checksums, solver))
+    plan_tiles(&cloud, &options, points_out, readers)
 }

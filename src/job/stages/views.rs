@@ -48,30 +48,41 @@ impl ResultViews {
         mesh: &SquareTriangles,
         levels: Option<&CloudLevels>,
     ) -> Result<Self, JobError> {
-        let overview = draw_picture(
-            &OVERVIEW,
-            points,
-            cloud.has_color,
-            cloud.quantization,
-            &|draw| cloud.visit_output(draw),
-        )?;
-        let worst = uniformity_map
-            .least_even_points()
-            .into_iter()
-            .map(|(delta, point)| {
-                Ok(WorstPlace {
-                    position: cloud.quantization.world(point),
-                    delta,
-                    detail: cloud.detail_around([point.x.into(), point.y.into()])?,
-                })
-            });
-        let worst = worst.collect::<Result<Vec<WorstPlace>, JobError>>()?;
+        let overview = || {
+            draw_picture(
+                &OVERVIEW,
+                points,
+                cloud.has_color,
+                cloud.quantization,
+                &|draw| cloud.visit_output(draw),
+            )
+        };
+        let details = || -> Result<_, JobError> {
+            let worst = worst_places(cloud, &uniformity_map)?;
+            let detail = cloud.detail_in_middle_of(tile)?;
+            Ok((worst, detail, cloud.viewer_sample(mesh, levels)?))
+        };
+        let (overview, details) = rayon::join(overview, details);
+        let (worst, detail, viewer_sample) = details?;
         Ok(Self {
-            detail: cloud.detail_in_middle_of(tile)?,
-            viewer_sample: cloud.viewer_sample(mesh, levels)?,
-            overview,
+            detail,
+            viewer_sample,
+            overview: overview?,
             uniformity_map,
             worst,
         })
     }
+}
+
+/// The places of `cloud` where the output is least even, by its `map`.
+fn worst_places(cloud: &CloudPair<'_>, map: &UniformityMap) -> Result<Vec<WorstPlace>, JobError> {
+    let places = map.least_even_points().into_iter();
+    let worst = places.map(|(delta, point)| {
+        Ok(WorstPlace {
+            position: cloud.quantization.world(point),
+            delta,
+            detail: cloud.detail_around([point.x.into(), point.y.into()])?,
+        })
+    });
+    worst.collect()
 }

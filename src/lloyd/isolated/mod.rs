@@ -28,7 +28,7 @@ use serde::{Deserialize, Serialize};
 
 use self::{
     linked::linked_to,
-    planes::{is_off_the_surface, lies_among_alike, lies_on_a_plane},
+    planes::{SurfacePlane, lies_among_alike, lies_on_a_plane},
     represented::{Represented, VOXELS_OF_A_SEED, average_points, own_points, usual_points},
 };
 use super::{options::MANY_SEEDS, surface::Surface};
@@ -81,14 +81,21 @@ pub(super) fn are_isolated(
         surface,
         positions,
         grid,
-        points: positions.iter().map(|_| OnceLock::new()).collect(),
-        are_lost: positions.iter().map(|_| OnceLock::new()).collect(),
+        points: unknown(positions),
+        are_thin: unknown(positions),
+        surfaces: unknown(positions),
+        are_lost: unknown(positions),
     };
     (0..positions.len())
         .into_par_iter()
         .with_max_len(ITEMS_PER_TASK)
         .map(|seed| matters(seed) && (seeds.is_lost(seed) || seeds.is_in_a_small_group(seed)))
         .collect()
+}
+
+/// What is to be found out of the seeds at `positions`.
+fn unknown<T>(positions: &[Local]) -> Vec<OnceLock<T>> {
+    positions.iter().map(|_| OnceLock::new()).collect()
 }
 
 /// The seeds of a cloud. What is known of one is found out when it is first asked for: in a tile most are in the halo, and
@@ -99,6 +106,10 @@ struct Seeds<'a> {
     grid: NeighborGrid,
     /// What each of them stands for.
     points: Vec<OnceLock<Represented>>,
+    /// Whether each of them stands for few points.
+    are_thin: Vec<OnceLock<bool>>,
+    /// The surface that each of them lies on, if it is on one.
+    surfaces: Vec<OnceLock<Option<Box<SurfacePlane>>>>,
     /// Whether each of them is adrift, or beside a surface.
     are_lost: Vec<OnceLock<bool>>,
 }
@@ -148,43 +159,63 @@ impl Seeds<'_> {
     fn is_adrift(&self, seed: usize) -> bool {
         let place = self.positions[seed];
         let options = self.surface.options_at(place);
-        let linked = || linked_to(&self.grid, place, options.link());
         let average = f64::max(FEW_POINTS, average_points(self.surface));
-        // What is quick to find out comes first: hardly a seed of a surface is left when surroundings are looked at.
-        linked().all(|(other, _)| self.points(other).own <= average)
+        let is_sparse = |seed: usize| self.points(seed).own <= average;
+        let linked = linked_to(&self.grid, place, options.link());
+        let mut linked: Vec<usize> = linked.map(|(other, _)| other).collect();
+        // What is quick to find out comes first: hardly a seed of a surface is left when surroundings are looked at. Those
+        // of the seed with the most points tell most often that not all are thin.
+        linked.iter().all(|&other| is_sparse(other))
             && !lies_on_a_plane(&self.grid, place, &options)
-            && !lies_among_alike(&self.grid, place, &options, |other| {
-                self.points(other).own <= average
-            })
-            && linked().all(|(other, _)| self.is_thin(other))
+            && !lies_among_alike(&self.grid, place, &options, is_sparse)
+            && {
+                let own = |&other: &usize| self.points(other).own;
+                linked.sort_unstable_by(|a, b| own(b).total_cmp(&own(a)));
+                linked.into_iter().all(|other| self.is_thin(other))
+            }
     }
 
     /// Whether the seed stands for few points.
     fn is_thin(&self, seed: usize) -> bool {
-        let place = self.positions[seed];
-        let options = self.surface.options_at(place);
-        let usual = || usual_points(self.surface.with(&options), &[place]);
-        let own = self.points(seed).own;
-        own <= FEW_POINTS || own <= THIN_SHARE * usual()
+        *self.are_thin[seed].get_or_init(|| {
+            let place = self.positions[seed];
+            let options = self.surface.options_at(place);
+            let usual = || usual_points(self.surface.with(&options), &[place]);
+            let own = self.points(seed).own;
+            own <= FEW_POINTS || own <= THIN_SHARE * usual()
+        })
     }
 
     /// Whether the seed stands for next to nothing beside one on a surface that passes by it.
     fn is_beside_a_surface(&self, seed: usize) -> bool {
         let place = self.positions[seed];
         let options = self.surface.options_at(place);
-        let near = |seed: usize| self.points(seed).near;
-        let is_small_beside =
-            |seed: usize, other: usize| near(seed) <= SHARE_BESIDE_A_SURFACE * near(other);
-        let is_beside = |(other, on_surface): (usize, Local)| {
-            let is_of_surface = |seed: usize| !is_small_beside(seed, other);
-            let is_alike = |seed: usize| is_small_beside(seed, other);
-            is_off_the_surface(&self.grid, place, on_surface, &options, is_of_surface)
+        let is_beside = |other: usize| {
+            let is_off = |surface: &SurfacePlane| !surface.is_near(place, &options);
+            let is_alike = |seed: usize| self.is_small_beside(seed, other);
+            self.surface_of(other).is_some_and(is_off)
                 && !lies_among_alike(&self.grid, place, &options, is_alike)
         };
         linked_to(&self.grid, place, options.beside_radius())
-            .filter(|&(other, _)| is_small_beside(seed, other))
-            .any(is_beside)
+            .filter(|&(other, _)| self.is_small_beside(seed, other))
+            .any(|(other, _)| is_beside(other))
             && !lies_on_a_plane(&self.grid, place, &options)
+    }
+
+    /// Whether the seed stands for next to nothing compared with the `other`.
+    fn is_small_beside(&self, seed: usize, other: usize) -> bool {
+        self.points(seed).near <= SHARE_BESIDE_A_SURFACE * self.points(other).near
+    }
+
+    /// The surface that the seed lies on, if it is on one: of those around it that are not small beside it.
+    fn surface_of(&self, seed: usize) -> Option<&SurfacePlane> {
+        let surface = self.surfaces[seed].get_or_init(|| {
+            let place = self.positions[seed];
+            let options = self.surface.options_at(place);
+            let is_of_surface = |other: usize| !self.is_small_beside(other, seed);
+            SurfacePlane::at(&self.grid, place, &options, is_of_surface).map(Box::new)
+        });
+        surface.as_deref()
     }
 }
 

@@ -120,20 +120,39 @@ fn lies_among(
     }
 }
 
-/// Whether `position` is off the surface of the seed at `on_surface`; `false` if that is on none. Of the seeds around it,
-/// those for which `is_of_surface` count.
-pub(super) fn is_off_the_surface(
-    seeds: &NeighborGrid,
-    position: Local,
-    on_surface: Local,
-    options: &SolverOptions,
-    is_of_surface: impl Fn(usize) -> bool,
-) -> bool {
-    let around = linked_to(seeds, on_surface, options.surface_radius());
-    let of_surface = around.filter(|&(seed, _)| is_of_surface(seed));
-    let steps: Vec<Local> = of_surface.map(|(_, seed)| seed - on_surface).collect();
-    steps.len() >= FEWEST_ON_A_SURFACE
-        && matches!(shape(steps), Shape::Plane(plane)
-            if plane.thickness < THICKEST_SURFACE_IN_SPACINGS * options.spacing
-                && !plane.is_near(position - on_surface, options.spacing))
+/// The surface that a seed lies on, as a plane.
+pub(super) struct SurfacePlane {
+    seed: Local,
+    plane: Plane,
+}
+
+impl SurfacePlane {
+    /// The surface that the seed at `position` lies on, if it is on one. Of the seeds around it, those for which
+    /// `is_of_surface` count.
+    pub(super) fn at(
+        seeds: &NeighborGrid,
+        position: Local,
+        options: &SolverOptions,
+        is_of_surface: impl Fn(usize) -> bool,
+    ) -> Option<Self> {
+        let around = linked_to(seeds, position, options.surface_radius());
+        let of_surface = around.filter(|&(seed, _)| is_of_surface(seed));
+        let steps: Vec<Local> = of_surface.map(|(_, seed)| seed - position).collect();
+        if steps.len() < FEWEST_ON_A_SURFACE {
+            return None;
+        }
+        let thickest = THICKEST_SURFACE_IN_SPACINGS * options.spacing;
+        match shape(steps) {
+            Shape::Plane(plane) if plane.thickness < thickest => Some(Self {
+                seed: position,
+                plane,
+            }),
+            _ => None,
+        }
+    }
+
+    /// Whether `position` is near to the surface.
+    pub(super) fn is_near(&self, position: Local, options: &SolverOptions) -> bool {
+        self.plane.is_near(position - self.seed, options.spacing)
+    }
 }
