@@ -243,6 +243,39 @@ fn without_the_boundary_restriction_sites_drift_from_the_border() {
     assert!(beyond(Restriction::None) > 3.0 * input_spacing);
 }
 
+/// `n` even points, with noise, of a floor of 0.3 × 2 and of a wall over the middle of it, which ends [`WALL_END`] above it.
+fn floor_and_wall(n: usize) -> Vec<Stored> {
+    let mut dice = Dice(5);
+    (0..n)
+        .map(|i| {
+            let (y, across) = (2.0 * dice.roll(), 0.3 * dice.roll());
+            let off = 0.004 * (dice.roll() - 0.5);
+            let [x, z] = match i % 2 {
+                0 => [off, WALL_END + across],
+                _ => [across - 0.15, off],
+            };
+            QUANTIZATION.quantise([x, y, z]).unwrap()
+        })
+        .collect()
+}
+
+/// The height of the end of the wall over the floor.
+const WALL_END: f64 = 0.05;
+
+#[test]
+fn sites_do_not_hang_in_the_air_where_a_wall_ends_above_the_floor() {
+    let n = 40_000;
+    let input_spacing = (0.6 / (n / 2) as f64).sqrt();
+    let options = SolverOptions::new(0.05);
+    let solution = run(floor_and_wall(n), &TileRegion::everything(), &options);
+    let heights = solution.sites.iter().map(|site| site.position.z);
+    let lowest = heights.filter(|&z| z > 0.01).fold(f64::INFINITY, f64::min);
+    assert!(
+        WALL_END - lowest < 0.8 * input_spacing,
+        "{lowest} by {input_spacing}"
+    );
+}
+
 #[test]
 fn planes_are_fitted_where_they_are_asked_for() {
     let h = spacing(4.0 * std::f64::consts::PI, 600.0);

@@ -10,26 +10,33 @@ use crate::{
 /// Points that a thread gathers before it thins them.
 const THINNED_BY_THREAD: usize = 50_000;
 
-/// Points of a part of a rectangle, which one thread gathers.
-struct PartOfRect {
+/// Points that are thinned whenever they are more than the limit.
+struct GatheredPoints {
     points: ThinnedPoints,
-    /// They are thinned when they are more.
     limit: usize,
 }
 
-impl Default for PartOfRect {
-    fn default() -> Self {
+impl GatheredPoints {
+    fn new(limit: usize) -> Self {
         Self {
             points: ThinnedPoints::default(),
-            limit: THINNED_BY_THREAD,
+            limit,
+        }
+    }
+
+    /// Thins the points if they are more than the limit, which from then on is at least twice the number of those that stay.
+    fn keep_to_limit(&mut self, thinning: &Thinning) {
+        if self.points.len() > self.limit {
+            self.points = thinning.thinned(std::mem::take(&mut self.points));
+            self.limit = self.limit.max(2 * self.points.len());
         }
     }
 }
 
-impl PartOfRect {
-    fn thin(&mut self, thinning: &Thinning) {
-        self.points = thinning.thinned(std::mem::take(&mut self.points));
-        self.limit = THINNED_BY_THREAD.max(2 * self.points.len());
+impl Default for GatheredPoints {
+    /// The points of one thread.
+    fn default() -> Self {
+        Self::new(THINNED_BY_THREAD)
     }
 }
 
@@ -60,11 +67,10 @@ impl CountedCloud for Spill {
         thinning_limit: u64,
     ) -> Result<ThinnedPoints, TileError> {
         let thinning = Thinning::new(quantization, options);
-        let mut points = ThinnedPoints::default();
-        let mut limit = thinning_limit as usize;
+        let mut all = GatheredPoints::new(thinning_limit as usize);
         self.gather_each(
             rect,
-            |found: &mut PartOfRect, spilled| {
+            |found: &mut GatheredPoints, spilled| {
                 match spilled {
                     Spilled::Record(record) => {
                         found.points.kept.push(Stored::of_record(record));
@@ -73,19 +79,14 @@ impl CountedCloud for Spill {
                     }
                     Spilled::Sum(sum) => found.points.sums.push(*sum),
                 }
-                if found.points.len() > found.limit {
-                    found.thin(&thinning);
-                }
+                found.keep_to_limit(&thinning);
             },
             |found| {
-                points.append(found.points);
-                if points.len() > limit {
-                    points = thinning.thinned(std::mem::take(&mut points));
-                    limit = limit.max(2 * points.len());
-                }
+                all.points.append(found.points);
+                all.keep_to_limit(&thinning);
             },
         )?;
-        Ok(points)
+        Ok(all.points)
     }
 
     fn complete(

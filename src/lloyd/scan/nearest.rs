@@ -4,7 +4,7 @@ use std::ops::{ControlFlow, Range};
 
 use rayon::prelude::*;
 
-use super::points::Scan;
+use super::{points::Scan, thinned::PointSum};
 use crate::geometry::{ITEMS_PER_TASK, Local, OccupiedCells, Stored, cell_of};
 
 impl Scan {
@@ -36,6 +36,24 @@ impl Scan {
                 search.break_value()
             })
         })
+    }
+
+    /// The mean of the points of the scan and of its filling within `radius` (CRS units) of
+    /// `position`, if there are any.
+    pub(crate) fn mean_within(&self, position: Local, radius: f64) -> Option<Local> {
+        let mut sum = PointSum::default();
+        let layers = [(&self.voxels, &self.points), (&self.filled, &self.filling)];
+        for (voxels, points) in layers {
+            let _ = self.voxels_around(voxels, position, radius, |range| {
+                let near = points[range].iter().filter(|&&point| {
+                    let way = self.quantization.local(point) - position;
+                    way.norm_squared() <= radius * radius
+                });
+                near.for_each(|&point| sum.add(point));
+                ControlFlow::<()>::Continue(())
+            });
+        }
+        (sum.count > 0).then(|| sum.local_mean(&self.quantization))
     }
 
     /// The point of the scan nearest to `position` within `radius` (CRS units), and its

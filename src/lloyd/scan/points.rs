@@ -138,10 +138,7 @@ impl Scan {
         drop(sums);
         keep_first(&mut voxels, &mut points, &totals, most, seed);
 
-        let mean = |total: &PointSum| {
-            let weight = quantization.scale / total.count as f64;
-            Local::from(total.sum.map(|s| s as f64 * weight))
-        };
+        let mean = |total: &PointSum| total.local_mean(&quantization);
         let mut means: Vec<Local> = totals.par_iter().map(mean).collect();
         let merged = (!field.is_constant()).then(|| {
             let merged = MergedVoxels::new(&means, &totals, &voxels, &field);

@@ -1,6 +1,6 @@
 //! Thinned points: those that are kept, and the sums of the others.
 
-use crate::geometry::Stored;
+use crate::geometry::{Local, Quantization, Stored};
 
 /// Points of one voxel as the sum of their coordinates. Sums of integers do not depend on the
 /// order of the points, nor on how they are grouped.
@@ -58,6 +58,12 @@ impl PointSum {
         let count = self.count.max(1) as i64;
         let [x, y, z] = self.sum.map(|sum| sum.div_euclid(count) as i32);
         Stored { x, y, z }
+    }
+
+    /// The mean of the points, of which there is at least one, in local coordinates.
+    pub(crate) fn local_mean(&self, quantization: &Quantization) -> Local {
+        let weight = quantization.scale / self.count as f64;
+        Local::from(self.sum.map(|sum| sum as f64 * weight))
     }
 }
 

@@ -213,7 +213,9 @@ impl Candidate {
                 && self.is_near_scan(position, surface)
                 && is_surrounded(above, surface, samples)
         };
-        let is_node = goes_on && (fit.allows(position, surface) || is_in_gap(samples));
+        // A node beyond a border is a seed that the iterations lead back. Without such nodes there were vacancies at borders: in a
+        // scan of trees with noise δ was 0.131 instead of 0.123.
+        let is_node = goes_on && (fit.is_within_threshold(position, surface) || is_in_gap(samples));
         is_node.then_some((position, is_trusted))
     }
 

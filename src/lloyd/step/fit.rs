@@ -2,7 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::samples::Samples;
+use super::{
+    samples::Samples,
+    surroundings::{Standing, Surroundings},
+};
 use crate::{
     geometry::{BOUNDING_SIDES, Facets, Local, Patch, PatchKind, Reach, bounding_corners, upwards},
     lloyd::{SolverOptions, surface::Surface},
@@ -52,14 +55,9 @@ pub(crate) struct Fit {
     pub(crate) patch: Patch,
     /// The position of the site when the patch was fitted.
     anchor: Local,
-    /// Spacing of the scan around the site (CRS units).
-    input_spacing: f64,
+    surroundings: Surroundings,
     /// The share of a step that the patch is trusted for: 0 for none.
     pub(crate) trust: f64,
-    /// The point that the boundary restriction found last: the next position of the site is
-    /// near it, too, more often than not.
-    #[serde(skip, default = "nowhere")]
-    witness: Local,
     /// How far the scan reaches around the anchor on the patch; computed on demand.
     #[serde(skip)]
     scanned: Option<Box<Reach>>,
@@ -97,12 +95,12 @@ impl Fit {
         let patch = Patch::fit(site, near, radius, options.patch)?;
         // A sharper patch finds a surface in leaves, too.
         let trust = patch.trust(radius.max(options.spacing));
+        let input_spacing = radius * (std::f64::consts::PI / points as f64).sqrt();
         enough(trust).then(|| Self {
             patch: better(&patch, trust, site, near, weights, options),
             anchor: site,
-            input_spacing: radius * (std::f64::consts::PI / points as f64).sqrt(),
+            surroundings: Surroundings::new(site, near, input_spacing, radius),
             trust,
-            witness: nowhere(),
             scanned: None,
             facets: None,
         })
@@ -196,6 +194,7 @@ impl Fit {
         let Self {
             patch,
             anchor,
+            surroundings,
             scanned,
             ..
         } = self;
@@ -203,7 +202,7 @@ impl Fit {
             let within = samples.in_fit_radius(*anchor, surface);
             Box::new(reach_of(within, patch, *anchor, spacing))
         });
-        let margin = (0.5 * self.input_spacing).max(SAMPLE_REACH_IN_SPACINGS * spacing);
+        let margin = (0.5 * surroundings.input_spacing).max(SAMPLE_REACH_IN_SPACINGS * spacing);
         let way = site - *anchor;
         let [u, v] = [0, 1].map(|axis| patch.axes[axis].dot(&way));
         let mut reach = **from_anchor;
@@ -227,29 +226,20 @@ impl Fit {
         reach.into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    /// The boundary restriction (paper, section IV-E): whether the site may move to
-    /// `position`.
+    /// Whether the boundary restriction (paper, section IV-E) lets the site be at `position`.
     pub(crate) fn allows(&mut self, position: Local, surface: Surface<'_>) -> bool {
-        let threshold = surface
-            .options
-            .restriction
-            .threshold(self.input_spacing, surface.spacing());
-        if threshold.is_infinite() {
-            return position.iter().all(|c| c.is_finite());
-        }
-        // Both comparisons refuse NaN.
-        if (position - self.witness).norm_squared() <= threshold * threshold {
-            return true;
-        }
-        let found = surface.scan.some_point_within(position, threshold);
-        self.witness = found.unwrap_or(self.witness);
-        found.is_some()
+        self.place(position, surface) == Standing::OnScan
     }
-}
 
-/// A position that is near nothing.
-fn nowhere() -> Local {
-    Local::repeat(f64::NAN)
+    /// Whether `position` is no farther from the scan than the threshold of the boundary restriction, be it beyond a border.
+    pub(crate) fn is_within_threshold(&mut self, position: Local, surface: Surface<'_>) -> bool {
+        self.place(position, surface) != Standing::Away
+    }
+
+    /// Where `position` is, as the boundary restriction sees it.
+    pub(super) fn place(&mut self, position: Local, surface: Surface<'_>) -> Standing {
+        self.surroundings.place(position, surface)
+    }
 }
 
 /// How far the `samples` that lie on `patch` reach around `position`, towards each corner of

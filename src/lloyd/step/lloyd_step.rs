@@ -13,6 +13,7 @@ use super::{
     following::{FollowedCell, LARGEST_DRIFT_IN_SPACINGS},
     links::Links,
     neighborhoods::{FarList, NEAR_IN_SPACINGS},
+    surroundings::Standing,
     vicinity::Vicinity,
 };
 use crate::{
@@ -214,11 +215,7 @@ impl Step {
             vicinity.widen_clearance();
         }
         let (target, free) = followed.step(fit, &self.links, vicinity);
-        (self.target, self.free) = if fit.allows(target, iteration.surface) {
-            (target, free)
-        } else {
-            (position, 0.0)
-        };
+        (self.target, self.free) = restricted(target, free, fit, iteration.surface, vicinity);
         true
     }
 
@@ -309,10 +306,31 @@ impl Step {
         }
         let towards = fit.step_towards(moments.centroid, position);
         let target = vicinity.keeping_clear(position + towards);
-        if fit.allows(target, surface) {
-            self.target = target;
-            self.free = vicinity.free_radius();
+        let free = vicinity.free_radius();
+        (self.target, self.free) = restricted(target, free, fit, surface, vicinity);
+    }
+}
+
+/// Where the boundary restriction leads a site with this `target`, which has the distance `free` (CRS units) to move in; and the
+/// distance that it has there.
+fn restricted(
+    target: Local,
+    free: f64,
+    fit: &mut Fit,
+    surface: Surface<'_>,
+    vicinity: &mut Vicinity<'_>,
+) -> (Local, f64) {
+    match fit.place(target, surface) {
+        Standing::OnScan => (target, free),
+        Standing::BeyondBorder(way) => {
+            vicinity.find_near();
+            let back = vicinity.keeping_clear(fit.foot_point(target + way));
+            // Between neighbours there can be less room for a longer step.
+            let leads_back =
+                (back - target).dot(&way) > 0.0 && fit.is_within_threshold(back, surface);
+            (if leads_back { back } else { target }, free)
         }
+        Standing::Away => (vicinity.position, 0.0),
     }
 }
 

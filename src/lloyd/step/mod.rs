@@ -11,6 +11,7 @@ mod restriction;
 mod samples;
 mod scratch;
 mod site_spacings;
+mod surroundings;
 mod vicinity;
 
 pub(super) use fit::{Fit, SHEET_THICKNESS_IN_SPACINGS};

@@ -6,7 +6,8 @@
 //!
 //! The paper's threshold is one number for the cloud, 0.5 to 1.5 times the mean distance
 //! between neighbouring points. Density varies a hundredfold in mobile mapping, so ours is
-//! local by default: the paper's own "promising solution".
+//! local by default: the paper's own "promising solution". With it no site stands beyond a border, either:
+//! see [`surroundings`](super::surroundings).
 
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +15,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Restriction {
-    /// A site may move as far from the scan as the scan's spacing around it.
+    /// A site may move as far from the scan as the scan's spacing around it, but not beyond a border.
     Local,
     /// A site may move this far from the scan (CRS units), everywhere: the paper's rule.
     Global(f64),
@@ -29,8 +30,8 @@ const FLOOR_IN_SPACINGS: f64 = 0.1;
 impl Restriction {
     /// The threshold (CRS units) at a site around which the scan has the spacing
     /// `input_spacing`, for an output at `spacing`.
-    pub(crate) fn threshold(&self, input_spacing: f64, spacing: f64) -> f64 {
-        match *self {
+    pub(super) fn threshold(self, input_spacing: f64, spacing: f64) -> f64 {
+        match self {
             Self::Local => input_spacing.clamp(FLOOR_IN_SPACINGS * spacing, spacing),
             Self::Global(threshold) => threshold,
             Self::None => f64::INFINITY,
