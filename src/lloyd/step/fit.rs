@@ -55,6 +55,7 @@ pub(crate) struct Fit {
     pub(crate) patch: Patch,
     /// The position of the site when the patch was fitted.
     anchor: Local,
+    /// The scan around the site.
     surroundings: Surroundings,
     /// The share of a step that the patch is trusted for: 0 for none.
     pub(crate) trust: f64,

@@ -22,9 +22,9 @@ use crate::{geometry::Local, lloyd::surface::Surface};
 /// be another surface, as the floor below the end of a wall.
 const INNER_RADIUS_IN_FIT_RADII: f64 = 0.5;
 
-/// The scan lies all around a site if the mean of the samples within that radius is no farther away than this share of it. On
-/// a straight border it is 0.42 away.
-const LARGEST_INNER_OFFSET: f64 = 0.2;
+/// The scan lies all around a site if the mean of the samples within that radius is nearer than this share of it. On a straight
+/// border it is 0.42 away.
+const LARGEST_INNER_OFFSET: f64 = 0.3;
 
 /// A position with a point within this share of the threshold is on the scan, whatever is around it.
 const NEAR_IN_THRESHOLDS: f64 = 0.5;
