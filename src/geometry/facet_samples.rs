@@ -1,6 +1,6 @@
 //! The samples among which facets are sought, and how well a surface explains them.
 
-use super::Local;
+use super::{Local, facets::Facet, lanes::LANES};
 
 /// A sample around a site.
 #[derive(Clone, Copy, Debug)]
@@ -31,6 +31,43 @@ impl FacetSample {
             weight: near * weight,
             vote: near * weight.sqrt(),
         }
+    }
+}
+
+/// The samples that vote on facets, in groups of [`LANES`]: three coordinates seen from the site (CRS units), and the vote. The
+/// processor counts the votes of a group at once, and single precision is enough to tell which facet is the best.
+pub(super) struct Voters(Vec<[[f32; LANES]; 4]>);
+
+impl Voters {
+    /// The votes of these `samples`.
+    pub(super) fn new(samples: &[FacetSample]) -> Self {
+        let group = |samples: &[FacetSample]| {
+            // The last group is filled up with samples that have no vote.
+            let mut group = [[0.0; LANES]; 4];
+            for (lane, sample) in samples.iter().enumerate() {
+                let [x, y, z] = sample.way.into();
+                for (values, value) in group.iter_mut().zip([x, y, z, sample.vote]) {
+                    values[lane] = value as f32;
+                }
+            }
+            group
+        };
+        Self(samples.chunks(LANES).map(group).collect())
+    }
+
+    /// The votes for `facet`: of each sample as much of its vote as it is near to the facet, in tolerances.
+    pub(super) fn votes_for(&self, facet: &Facet, tolerance: Tolerance) -> f64 {
+        let normal = facet.normal * tolerance.reciprocal;
+        let [x, y, z, offset] =
+            [normal.x, normal.y, normal.z, normal.dot(&facet.point)].map(|value| value as f32);
+        let mut votes = [0.0; LANES];
+        for [xs, ys, zs, vote] in &self.0 {
+            for lane in 0..LANES {
+                let height = x * xs[lane] + y * ys[lane] + z * zs[lane] - offset;
+                votes[lane] += vote[lane] * (1.0 - height * height).max(0.0);
+            }
+        }
+        votes.into_iter().map(f64::from).sum()
     }
 }
 
@@ -110,6 +147,32 @@ pub(super) fn correlation_of_neighbors(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Dice;
+
+    #[test]
+    fn votes_in_groups_are_those_of_one_sample_after_the_other() {
+        let mut dice = Dice(3);
+        let mut roll = || 2.0 * dice.roll() - 1.0;
+        let facet = Facet {
+            point: Local::new(0.1, -0.2, 0.05),
+            normal: Local::new(0.1, 0.2, 1.0).normalize(),
+        };
+        let tolerance = Tolerance::new(0.4);
+        // The last group is full, or has room.
+        for count in [0, 1, 7, 8] {
+            let places = (0..count).map(|_| Local::new(roll(), roll(), roll()));
+            let samples: Vec<FacetSample> = places
+                .map(|place| FacetSample::new(place, Local::zeros(), 2.0, 2.0))
+                .collect();
+            let of_one = |s: &FacetSample| s.vote * tolerance.closeness(facet.height(s.way));
+            let votes: f64 = samples.iter().map(of_one).sum();
+            let in_groups = Voters::new(&samples).votes_for(&facet, tolerance);
+            assert!(
+                (in_groups - votes).abs() <= 1e-6 * votes,
+                "{in_groups}, {votes}"
+            );
+        }
+    }
 
     #[test]
     fn neighbors_agree_about_an_edge_and_not_about_noise() {

@@ -14,9 +14,10 @@
 
 use super::{
     Local, Patch,
-    facet_samples::{FacetSample, Tolerance, correlation_of_neighbors, explained, nearness},
+    facet_samples::{
+        FacetSample, Tolerance, Voters, correlation_of_neighbors, explained, nearness,
+    },
     facets::{Facet, Facets, MOST_FACETS},
-    lanes::LANES,
 };
 
 /// Radius of the neighbourhood in which facets are sought, in radii of the fit of a patch: the planes are to be seen
@@ -126,18 +127,10 @@ impl Search<'_> {
         left: &[FacetSample],
         least: f64,
     ) -> Option<(usize, Facet)> {
-        let votes = |facet: &Facet| -> f64 {
-            let mut sums = [0.0; LANES];
-            for group in left.chunks(LANES) {
-                for (sum, sample) in sums.iter_mut().zip(group) {
-                    *sum += sample.vote * self.closeness(facet, sample.way);
-                }
-            }
-            sums.iter().sum()
-        };
+        let voters = Voters::new(left);
         let (index, most) = candidates
             .iter()
-            .map(votes)
+            .map(|facet| voters.votes_for(facet, self.tolerance))
             .enumerate()
             .max_by(|a, b| a.1.total_cmp(&b.1))?;
         if most < least {

@@ -64,18 +64,29 @@ impl Facet {
         largest_residual: f64,
     ) -> Option<Self> {
         let (mut total, mut count) = (0.0, 0);
-        let (mut sum, mut squares) = (Local::zeros(), Matrix3::zeros());
-        for (position, weight) in weighted.filter(|&(_, weight)| weight > 0.0) {
-            let scaled = position * weight;
+        let [mut sum_x, mut sum_y, mut sum_z] = [0.0; 3];
+        let [mut xx, mut xy, mut xz, mut yy, mut yz, mut zz] = [0.0; 6];
+        // Positions of no weight are not skipped: which have some is hard to foresee for the processor.
+        for (position, weight) in weighted {
+            let [x, y, z]: [f64; 3] = position.into();
+            let [x_weighted, y_weighted, z_weighted] = [x, y, z].map(|c| c * weight);
             total += weight;
-            count += 1;
-            sum += scaled;
-            squares += scaled * position.transpose();
+            count += usize::from(weight > 0.0);
+            sum_x += x_weighted;
+            sum_y += y_weighted;
+            sum_z += z_weighted;
+            xx += x_weighted * x;
+            xy += x_weighted * y;
+            xz += x_weighted * z;
+            yy += y_weighted * y;
+            yz += y_weighted * z;
+            zz += z_weighted * z;
         }
         if count < LEAST_SUPPORT {
             return None;
         }
-        let point = sum / total;
+        let point = Local::new(sum_x, sum_y, sum_z) / total;
+        let squares = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
         let covariance = squares / total - point * point.transpose();
         let (spread, [_, _, normal]) = narrow_frame(covariance)?;
         let is_round = spread[1] >= LEAST_ROUNDNESS_SQUARED * spread[0];

@@ -25,8 +25,7 @@ impl Scan {
         // The voxel of the position itself suffices nearly always.
         let own = self.voxels.range(cell_of(position, self.voxel));
         find(&self.points[own]).or_else(|| {
-            let layers = [(&self.voxels, &self.points), (&self.filled, &self.filling)];
-            layers.into_iter().find_map(|(voxels, points)| {
+            self.layers().into_iter().find_map(|(voxels, points)| {
                 let search = self.voxels_around(voxels, position, radius, |range| {
                     match find(&points[range]) {
                         Some(point) => ControlFlow::Break(point),
@@ -42,8 +41,7 @@ impl Scan {
     /// `position`, if there are any.
     pub(crate) fn mean_within(&self, position: Local, radius: f64) -> Option<Local> {
         let mut sum = PointSum::default();
-        let layers = [(&self.voxels, &self.points), (&self.filled, &self.filling)];
-        for (voxels, points) in layers {
+        for (voxels, points) in self.layers() {
             let _ = self.voxels_around(voxels, position, radius, |range| {
                 let near = points[range].iter().filter(|&&point| {
                     let way = self.quantization.local(point) - position;
@@ -60,6 +58,11 @@ impl Scan {
     /// distance (CRS units); of equally near points the smallest.
     pub fn nearest(&self, position: Local, radius: f64) -> Option<(Stored, f64)> {
         self.nearest_but(None, position, radius)
+    }
+
+    /// The points of the scan and those of its filling, with the voxels that they lie in.
+    fn layers(&self) -> [(&OccupiedCells, &[Stored]); 2] {
+        [(&self.voxels, &self.points), (&self.filled, &self.filling)]
     }
 
     /// Calls `visit` with the range of points of every voxel of `voxels` that a ball touches,

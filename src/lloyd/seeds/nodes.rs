@@ -24,7 +24,7 @@ use super::{
 use crate::{
     geometry::{Local, Stored},
     lloyd::{
-        step::{Fit, Restriction, Samples},
+        step::{Fit, Restriction, Samples, lie_all_around},
         surface::Surface,
     },
 };
@@ -260,8 +260,7 @@ impl Candidate {
 fn is_surrounded(position: Local, surface: Surface<'_>, samples: &mut Samples) -> bool {
     let radius = surface.options.fit_radius;
     let (near, _, _) = samples.in_ball(position, radius);
-    let ways: Local = near.iter().map(|sample| sample - position).sum();
-    ways.norm() <= LARGEST_OFFSET_IN_FIT_RADII * radius * near.len() as f64
+    lie_all_around(position, near, radius, LARGEST_OFFSET_IN_FIT_RADII)
 }
 
 #[cfg(test)]

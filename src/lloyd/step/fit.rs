@@ -234,7 +234,7 @@ impl Fit {
 
     /// Whether `position` is no farther from the scan than the threshold of the boundary restriction, be it beyond a border.
     pub(crate) fn is_within_threshold(&mut self, position: Local, surface: Surface<'_>) -> bool {
-        self.place(position, surface) != Standing::Away
+        self.surroundings.is_within_threshold(position, surface)
     }
 
     /// Where `position` is, as the boundary restriction sees it.

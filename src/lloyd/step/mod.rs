@@ -22,4 +22,5 @@ pub use restriction::Restriction;
 pub(super) use samples::Samples;
 pub(super) use scratch::Scratch;
 pub(super) use site_spacings::SiteSpacings;
+pub(super) use surroundings::lie_all_around;
 pub(super) use vicinity::{Vicinity, clearance};

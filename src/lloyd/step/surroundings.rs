@@ -66,62 +66,85 @@ pub(super) struct Surroundings {
 }
 
 impl Surroundings {
-    /// The scan of this `input_spacing` around `site`, by the samples `near` within the `radius` of the fit (CRS units).
-    pub(super) fn new(site: Local, near: &[Local], input_spacing: f64, radius: f64) -> Self {
+    /// The scan of this `input_spacing` around `site`, by the `samples` within the `radius` of the fit (CRS units).
+    pub(super) fn new(site: Local, samples: &[Local], input_spacing: f64, radius: f64) -> Self {
         let inner = INNER_RADIUS_IN_FIT_RADII * radius;
-        let (mut count, mut sum) = (0.0, Local::zeros());
-        for way in near.iter().map(|sample| sample - site) {
-            if way.norm_squared() < inner * inner {
-                sum += way;
-                count += 1.0;
-            }
-        }
         Self {
             input_spacing,
-            is_inner: sum.norm() < LARGEST_INNER_OFFSET * inner * count,
+            is_inner: lie_all_around(site, samples, inner, LARGEST_INNER_OFFSET),
             witness: nowhere(),
         }
     }
 
     /// Where `position` is.
     pub(super) fn place(&mut self, position: Local, surface: Surface<'_>) -> Standing {
-        let restriction = surface.options.restriction;
-        let threshold = restriction.threshold(self.input_spacing, surface.spacing());
-        if threshold.is_infinite() {
-            return match position.iter().all(|c| c.is_finite()) {
-                true => Standing::OnScan,
-                false => Standing::Away,
-            };
-        }
+        let threshold = self.threshold(surface);
         let ball = (BALL_IN_THRESHOLDS * threshold).min(surface.options.fit_radius);
-        let tells_borders = restriction == Restriction::Local
+        let tells_borders = surface.options.restriction == Restriction::Local
             && !self.is_inner
             && ball >= LEAST_BALL_IN_THRESHOLDS * threshold;
-        let near = match tells_borders {
-            true => NEAR_IN_THRESHOLDS * threshold,
-            false => threshold,
-        };
+        if tells_borders && self.is_near(position, NEAR_IN_THRESHOLDS * threshold, surface) {
+            return Standing::OnScan;
+        }
+        if !self.is_near(position, threshold, surface) {
+            return Standing::Away;
+        }
+        let way_back = tells_borders.then(|| way_back(position, ball, surface));
+        way_back
+            .flatten()
+            .map_or(Standing::OnScan, Standing::BeyondBorder)
+    }
+
+    /// Whether `position` is no farther from the scan than the threshold of the boundary restriction, be it beyond a border.
+    pub(super) fn is_within_threshold(&mut self, position: Local, surface: Surface<'_>) -> bool {
+        self.is_near(position, self.threshold(surface), surface)
+    }
+
+    /// The threshold of the boundary restriction (CRS units).
+    fn threshold(&self, surface: Surface<'_>) -> f64 {
+        let restriction = surface.options.restriction;
+        restriction.threshold(self.input_spacing, surface.spacing())
+    }
+
+    /// Whether some point of the scan is within `radius` (CRS units) of `position`.
+    fn is_near(&mut self, position: Local, radius: f64, surface: Surface<'_>) -> bool {
+        if radius.is_infinite() {
+            return position.iter().all(|c| c.is_finite());
+        }
         // All comparisons refuse NaN.
-        if (position - self.witness).norm_squared() <= near * near {
-            return Standing::OnScan;
+        if (position - self.witness).norm_squared() <= radius * radius {
+            return true;
         }
-        if let Some(point) = surface.scan.some_point_within(position, near) {
-            self.witness = point;
-            return Standing::OnScan;
-        }
-        if !(tells_borders && surface.scan.has_point_within(position, threshold)) {
-            return Standing::Away;
-        }
-        let Some(mean) = surface.scan.mean_within(position, ball) else {
-            return Standing::Away;
-        };
-        let offset = mean - position;
-        let excess = 1.0 - OFFSET_AT_BORDER * ball / offset.norm();
-        match excess > 0.0 {
-            true => Standing::BeyondBorder(offset * (RETURNED_SHARE * excess)),
-            false => Standing::OnScan,
+        let found = surface.scan.some_point_within(position, radius);
+        self.witness = found.unwrap_or(self.witness);
+        found.is_some()
+    }
+}
+
+/// Whether the `samples` nearer to `center` than `radius` (CRS units) lie all around it: the distance to their mean is less
+/// than this `largest_offset`, in radii. Without any there they do not.
+pub(in crate::lloyd) fn lie_all_around(
+    center: Local,
+    samples: &[Local],
+    radius: f64,
+    largest_offset: f64,
+) -> bool {
+    let (mut count, mut sum) = (0.0, Local::zeros());
+    for way in samples.iter().map(|sample| sample - center) {
+        if way.norm_squared() < radius * radius {
+            sum += way;
+            count += 1.0;
         }
     }
+    sum.norm() < largest_offset * radius * count
+}
+
+/// The way back to the border of the scan from `position`, if that is beyond one: if the mean of the points within the radius
+/// `ball` (CRS units) is farther away than on a border.
+fn way_back(position: Local, ball: f64, surface: Surface<'_>) -> Option<Local> {
+    let offset = surface.scan.mean_within(position, ball)? - position;
+    let excess = 1.0 - OFFSET_AT_BORDER * ball / offset.norm();
+    (excess > 0.0).then(|| offset * (RETURNED_SHARE * excess))
 }
 
 /// A position that is near nothing.
