@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::election::Election;
 use crate::{
-    geometry::{Local, Stored, by_position, cell_of},
+    geometry::{Local, NeighborGrid, Stored, by_position, cell_of},
     lloyd::surface::bounding_box,
 };
 
@@ -12,8 +12,8 @@ use crate::{
 const BRICK_IN_SPACINGS: f64 = 4.0 / 3.0;
 
 /// Some points, and the seeds around them.
-pub(super) struct Brick<'a> {
-    pub(super) points: &'a [Stored],
+pub(super) struct Brick<'a, P> {
+    pub(super) points: &'a [P],
     /// The middle of the points.
     pub(super) middle: Local,
     /// The seeds within reach, those nearest to the middle first.
@@ -24,35 +24,37 @@ pub(super) struct Brick<'a> {
 #[derive(Clone, Copy)]
 pub(super) struct NearSeed {
     pub(super) position: Local,
-    /// Its number in the election.
+    /// Its index in the grid.
     pub(super) number: u32,
     /// Its distance from the middle of the points (CRS units).
     pub(super) from_middle: f64,
 }
 
 impl Election<'_> {
-    /// Calls `work` for every brick of `points`, which are sorted by voxel, with all seeds within `reach` (spacings) of it, and
-    /// gives all results in the order of the points.
-    pub(super) fn by_brick<T: Send>(
+    /// Calls `work` for every brick of `points`, which are sorted by voxel and of which `stored` gives the places, with those
+    /// `among` the seeds that are within `reach` (spacings) of it; gives all results in the order of the points.
+    pub(super) fn by_brick<P: Sync, T: Send>(
         &self,
-        points: &[Stored],
+        points: &[P],
+        stored: impl Fn(&P) -> Stored + Sync,
+        among: &NeighborGrid,
         reach: f64,
-        work: impl Fn(Brick<'_>) -> Vec<T> + Sync,
+        work: impl Fn(Brick<'_, P>) -> Vec<T> + Sync,
     ) -> Vec<T> {
         let field = self.surface.field();
         // Bricks are small beside the places where the spacing is finest, too.
         let edge = BRICK_IN_SPACINGS * self.surface.options.finest_spacing();
         let reach = reach * field.widening(reach);
-        let earlier = self.grid();
-        let brick_of = |&point: &Stored| cell_of(self.local(point), edge);
+        let place_of = |point: &P| self.local(stored(point));
+        let brick_of = |point: &P| cell_of(place_of(point), edge);
         points
             .par_chunk_by(|a, b| brick_of(a) == brick_of(b))
             .map_init(Vec::new, |seeds, points| {
-                let [low, high] = bounding_box(points.iter().map(|&point| self.local(point)));
+                let [low, high] = bounding_box(points.iter().map(place_of));
                 let middle = (low + high) * 0.5;
                 let around = Local::repeat(reach * field.at(middle));
                 seeds.clear();
-                earlier.visit_box(low - around, high + around, |number, position| {
+                among.visit_box(low - around, high + around, |number, position| {
                     seeds.push(NearSeed {
                         position,
                         number,

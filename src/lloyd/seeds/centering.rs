@@ -14,7 +14,7 @@
 
 use rayon::prelude::*;
 
-use super::{bricks::Brick, election::Election};
+use super::{election::Election, nearest_seeds::REACH_IN_SPACINGS};
 use crate::geometry::{ITEMS_PER_TASK, Local, NeighborGrid, Stored, sort_words};
 
 /// Number of times that all seeds move. On a forest (0.8 M points to 8 K) one seed in eight still moves the second
@@ -25,91 +25,75 @@ const ROUNDS: usize = 3;
 /// points are covered, and the less even are the distances between seeds.
 const CLEARANCE_IN_SPACINGS: f64 = 0.8;
 
-/// Radius of the points that a seed may stand for.
-const REACH_IN_SPACINGS: f64 = 1.0;
-
 /// Other seeds may be in the way of a step if they are within this radius.
 const NEAR_IN_SPACINGS: f64 = 2.0;
 
 /// Seeds farther than near are not in the way of a longer step.
 const LONGEST_STEP_IN_SPACINGS: f64 = 0.5 * (NEAR_IN_SPACINGS - CLEARANCE_IN_SPACINGS);
 
-/// Allowance for rounding in comparisons of distances, as a share of them.
-const ROUNDING: f64 = 1e-9;
-
 impl Election<'_> {
-    /// Moves the seeds from number `first` on, which were elected among `points`, to the middle of
-    /// the points around them. The points are sorted by voxel.
-    pub(super) fn center(&mut self, first: usize, points: &[Stored]) {
-        let field = self.surface.field();
+    /// Moves the seeds from number `first` on, which were elected among `points`, to the middle of the points around them. The
+    /// points are sorted by voxel. Gives the number of the seed that is nearest to each of them then; `None` if none is near.
+    pub(super) fn center(&mut self, first: usize, points: &[Stored]) -> Vec<Option<u32>> {
+        let mut seeds = self.grid();
+        let mut nearest = self.nearest_seeds(points, &seeds);
         for _ in 0..ROUNDS {
-            let owned = self.owned(first, points);
-            let seeds = self.grid();
-            let by_seed: Vec<&[u64]> = owned.chunk_by(|a, b| owner(*a).0 == owner(*b).0).collect();
-            let moves: Vec<(usize, Stored)> = by_seed
-                .into_par_iter()
-                .with_max_len(ITEMS_PER_TASK)
-                .map_init(Vec::new, |others, owned| {
-                    let (number, _) = owner(owned[0]);
-                    let position = self.local(self.seeds[number]);
-                    let spacing = field.at(position);
-                    let reach = REACH_IN_SPACINGS * spacing;
-                    let own = owned.iter().map(|&word| {
-                        let point = points[owner(word).1];
-                        (point, self.local(point))
-                    });
-                    let near = own.filter(|(_, point)| (point - position).norm() <= reach);
-                    Some((number, moved(position, spacing, near, &seeds, others)?))
-                })
-                .flatten_iter()
-                .collect();
+            let moves = self.moves(&owned(&nearest, first), points, &seeds);
+            let moved: Vec<usize> = moves.iter().map(|&(number, _)| number).collect();
             for (number, to) in moves {
                 self.seeds[number] = to;
             }
+            seeds = self.grid();
+            self.renew_nearest(&mut nearest, points, &seeds, &moved);
         }
+        nearest
     }
 
-    /// The `points`, which are sorted by voxel, that the seeds from number `first` on stand for, by seed, and for each seed in
-    /// their order: words for [`owner`].
-    fn owned(&self, first: usize, points: &[Stored]) -> Vec<u64> {
-        let nearest = self.by_brick(points, REACH_IN_SPACINGS, |brick| {
-            let places = brick.points.iter().map(|&point| self.local(point));
-            places.map(|place| nearest_seed(place, &brick)).collect()
-        });
-        let owned = nearest
-            .into_iter()
-            .zip(0_u32..)
-            .filter_map(|(seed, index)| {
-                let seed = seed.filter(|&seed| seed as usize >= first)?;
-                Some(u64::from(seed) << u32::BITS | u64::from(index))
-            });
-        let mut owned: Vec<u64> = owned.collect();
-        sort_words(&mut owned);
-        owned
+    /// The numbers of the seeds that move to the middle of the points that they have `owned`, words for [`owner`], and the points
+    /// that they move to. The grid is of all `seeds`.
+    fn moves(
+        &self,
+        owned: &[u64],
+        points: &[Stored],
+        seeds: &NeighborGrid,
+    ) -> Vec<(usize, Stored)> {
+        let field = self.surface.field();
+        let by_seed: Vec<&[u64]> = owned.chunk_by(|a, b| owner(*a).0 == owner(*b).0).collect();
+        by_seed
+            .into_par_iter()
+            .with_max_len(ITEMS_PER_TASK)
+            .map_init(Vec::new, |others, owned| {
+                let (number, _) = owner(owned[0]);
+                let position = self.local(self.seeds[number]);
+                let spacing = field.at(position);
+                let reach = REACH_IN_SPACINGS * spacing;
+                let own = owned.iter().map(|&word| {
+                    let point = points[owner(word).1];
+                    (point, self.local(point))
+                });
+                let near = own.filter(|(_, point)| (point - position).norm() <= reach);
+                Some((number, moved(position, spacing, near, seeds, others)?))
+            })
+            .flatten_iter()
+            .collect()
     }
+}
+
+/// The points that the seeds from number `first` on stand for, by the seed that is `nearest` to each: by seed, and for each seed
+/// in the order of the points. Words for [`owner`].
+fn owned(nearest: &[Option<u32>], first: usize) -> Vec<u64> {
+    let owned = nearest.iter().zip(0_u32..).filter_map(|(seed, index)| {
+        let seed = seed.filter(|&seed| seed as usize >= first)?;
+        Some(u64::from(seed) << u32::BITS | u64::from(index))
+    });
+    let mut owned: Vec<u64> = owned.collect();
+    sort_words(&mut owned);
+    owned
 }
 
 /// The number of the seed and the index of the point of a word.
 fn owner(word: u64) -> (usize, usize) {
     ((word >> u32::BITS) as usize, word as u32 as usize)
-}
-
-/// The number of the seed of `brick` that is nearest to `place`; of equally near ones that which comes first.
-fn nearest_seed(place: Local, brick: &Brick<'_>) -> Option<u32> {
-    let from_middle = (place - brick.middle).norm();
-    let (mut best, mut number, mut farthest) = (f64::INFINITY, None, f64::INFINITY);
-    for seed in brick.seeds {
-        // This seed cannot be nearer than the best, nor can those that follow: they are farther from the middle.
-        if seed.from_middle > farthest {
-            break;
-        }
-        let squared = (seed.position - place).norm_squared();
-        if squared < best {
-            (best, number) = (squared, Some(seed.number));
-            farthest = (from_middle + squared.sqrt()) * (1.0 + ROUNDING);
-        }
-    }
-    number
 }
 
 /// Where the seed at `position` goes, which stands for the points `own`: to the one nearest to their middle, among those to
@@ -252,40 +236,17 @@ mod tests {
         let options = SolverOptions::new(0.1);
         let scan = leaves(60_000, &options);
         let mut election = election(&scan, &options);
-        election.center(0, scan.points());
+        let nearest = election.center(0, scan.points());
         let left = LEFT_RADIUS_IN_SPACINGS * options.spacing;
         let farthest = |seeds: &[Stored]| {
             let distances = distances(&places(scan.points()), &places(seeds));
             distances.into_iter().fold(0.0, f64::max)
         };
         let (count, before) = (election.seeds.len(), farthest(&election.seeds));
-        election.elect_left(0, scan.points(), |_, _| 1.0);
+        election.elect_left(0, scan.points(), &nearest, |_, _| 1.0);
         assert!(before > left && farthest(&election.seeds) < left);
         assert!(election.seeds.len() > count);
         assert!(least_distance(&places(&election.seeds)) >= left);
-    }
-
-    /// The slow twin compares every point with every seed.
-    #[test]
-    fn seeds_stand_for_the_points_that_are_nearest_to_them() {
-        let options = SolverOptions::new(0.1);
-        let scan = leaves(20_000, &options);
-        let election = election(&scan, &options);
-        let first = election.seeds.len() / 3;
-        let owned = election.owned(first, scan.points());
-        let seeds = places(&election.seeds);
-        let found = owned.len();
-        for (number, index) in owned.into_iter().map(owner) {
-            let point = QUANTIZATION.local(scan.points()[index]);
-            let nearest = distances(&[point], &seeds)[0];
-            assert!((seeds[number] - point).norm() <= nearest * (1.0 + ROUNDING));
-            assert!(number >= first);
-        }
-        let of_others = places(scan.points()).into_iter().filter(|&point| {
-            let [others, own] = [&seeds[..first], &seeds[first..]];
-            distances(&[point], others)[0] < distances(&[point], own)[0]
-        });
-        assert_eq!(found + of_others.count(), scan.points().len());
     }
 
     #[test]

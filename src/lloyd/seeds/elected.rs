@@ -40,9 +40,9 @@ pub(super) fn elected(surface: Surface<'_>) -> Vec<Stored> {
     }
     let (on_surfaces, loose) = (election.seeds.len(), loose.concat());
     election.elect_loose(&loose, &share_at);
-    election.center(on_surfaces, &loose);
+    let nearest = election.center(on_surfaces, &loose);
     // Seeds that moved have left some points uncovered.
-    election.elect_left(on_surfaces, &loose, &share_at);
+    election.elect_left(on_surfaces, &loose, &nearest, &share_at);
     election.elect(scan.filling().iter().copied(), GAP_RADIUS_IN_SPACINGS);
     election.seeds
 }

@@ -42,6 +42,9 @@ const NUCLEUS_DISTANCE_IN_SPACINGS: f64 = 2.5;
 /// Widths of the rings beyond the radius, step by step.
 const RINGS_IN_SPACINGS: [f64; 6] = [0.1, 0.1, 0.1, 0.2, 0.2, 0.2];
 
+/// Points are sorted anew, without those that are covered, where less than this share of them is left.
+const MOST_LEFT: f64 = 0.7;
+
 /// A point with its squared distance to the nearest seed (CRS units squared), exact as far as it
 /// is needed, and with its [share](Election::radius_shares) of every radius.
 type Distant = (Stored, f64, f64);
@@ -123,15 +126,30 @@ impl Election<'_> {
     }
 
     /// Elects further seeds among these `points` once those from number `first` on have moved. Those before it stand on surfaces.
+    /// `nearest` are the numbers of the seeds that are nearest to the points; `None` where none is near.
     pub(super) fn elect_left(
         &mut self,
         first: usize,
         points: &[Stored],
+        nearest: &[Option<u32>],
         share_at: impl Fn(Local, f64) -> f64 + Sync,
     ) {
         let (field, radius) = (self.surface.field(), LEFT_RADIUS_IN_SPACINGS);
+        let is_uncovered = |(&point, &nearest): (&Stored, &Option<u32>)| {
+            let Some(nearest) = nearest else {
+                return true;
+            };
+            let position = self.local(point);
+            let spacing = field.at(position);
+            let covered = radius * share_at(position, spacing) * spacing;
+            let way = self.local(self.seeds[nearest as usize]) - position;
+            way.norm_squared() >= covered * covered
+        };
+        let with_nearest = points.par_iter().zip(nearest);
+        let uncovered = with_nearest.filter(|&of_point| is_uncovered(of_point));
+        let uncovered: Vec<Stored> = uncovered.map(|(&point, _)| point).collect();
         let of_surfaces = self.grid_of_first(first);
-        let mut left = self.uncovered(points, radius, share_at);
+        let mut left = self.uncovered(&uncovered, radius, share_at);
         left.retain(|&(point, ..)| {
             let position = self.local(point);
             let reach = AWAY_FROM_SURFACES_IN_SPACINGS * field.at(position);
@@ -153,16 +171,22 @@ impl Election<'_> {
         let widest = radius + RINGS_IN_SPACINGS.into_iter().fold(0.0, f64::max);
         let endless = std::iter::repeat(f64::INFINITY);
         for width in RINGS_IN_SPACINGS.into_iter().chain(endless) {
-            // Those that are covered by now would be in the way of all that follow.
-            let left = uncovered.left(radius);
-            if left.is_empty() {
+            let all = uncovered.points.len();
+            let left = (0..all).filter(|&index| uncovered.is_beyond(index, radius));
+            let left = left.count();
+            if left == 0 {
                 return;
             }
-            uncovered = Uncovered::new(&left, self.surface);
+            // Those that are covered by now are in the way of all that follow.
+            if (left as f64) < MOST_LEFT * all as f64 {
+                uncovered = Uncovered::new(&uncovered.left(radius), self.surface);
+            }
             let limit = radius + width;
-            let is_next =
-                |&index: &usize| uncovered.nearest[index] <= uncovered.squared(index, limit);
-            let front: Vec<usize> = (0..left.len()).filter(is_next).collect();
+            let is_next = |&index: &usize| {
+                uncovered.is_beyond(index, radius)
+                    && uncovered.nearest[index] <= uncovered.squared(index, limit)
+            };
+            let front: Vec<usize> = (0..uncovered.points.len()).filter(is_next).collect();
             for index in front {
                 if uncovered.is_beyond(index, radius) {
                     self.seeds.push(uncovered.points[index]);
@@ -181,7 +205,8 @@ impl Election<'_> {
     ) -> Vec<Distant> {
         let field = self.surface.field();
         let reach = NUCLEUS_DISTANCE_IN_SPACINGS;
-        let mut left: Vec<(u64, Distant)> = self.by_brick(points, reach, |brick| {
+        let (itself, seeds) = (|&point: &Stored| point, self.grid());
+        let mut left: Vec<(u64, Distant)> = self.by_brick(points, itself, &seeds, reach, |brick| {
             let with_distance = |&point: &Stored| {
                 let position = self.local(point);
                 let spacing = field.at(position);

@@ -11,6 +11,7 @@ mod elected;
 mod election;
 mod fronts;
 mod lattice;
+mod nearest_seeds;
 mod nodes;
 mod normals;
 mod rule;
