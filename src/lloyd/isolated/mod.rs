@@ -9,7 +9,8 @@
 //!        **                then one or two seeds, no other linked to them, that stand for hardly more points
 //!              ·           of the scan than a seed around them: a bird, a leaf
 //!   ─*──*──*──*──*──*──    beside a surface, and not on it: a seed that stands for next to nothing of what those
-//!                          on the surface do
+//!                          on the surface do; a speck: one that stands for next to nothing of what seeds around it
+//!                          usually do, on no common plane with others
 //! ```
 //!
 //! Seeds are linked if they are hardly farther apart than those of a surface. Thin seeds stand for no more points than a
@@ -58,6 +59,10 @@ impl IsolatedRule {
 const FEW_POINTS: f64 = 2.0;
 /// A seed is thin if it stands for no more points than this share of those that a voxel around it usually has.
 const THIN_SHARE: f64 = 0.25;
+/// A speck stands for no more points than this share of those that a seed around it usually does.
+const SHARE_OF_A_SPECK: f64 = 0.02;
+/// A speck stands for no more points than this share of those that a seed does on average.
+const AVERAGE_SHARE_OF_A_SPECK: f64 = 0.2;
 /// A seed beside a surface stands for no more than this share of the points of a seed on it.
 const SHARE_BESIDE_A_SURFACE: f64 = 0.1;
 /// A small group stands for no more points than so many seeds around it usually do.
@@ -65,6 +70,8 @@ const SEEDS_WORTH_OF_A_GROUP: f64 = 1.2;
 /// A small group of no more points than this share of what a seed stands for on average is small however sparse the scan is
 /// around it.
 const AVERAGE_SHARE_OF_A_GROUP: f64 = 0.2;
+/// That share where no other seed is near, as with clumps of wrong returns below a street: a lamp has more.
+const AVERAGE_SHARE_OF_A_GROUP_ALONE: f64 = 3.0;
 /// So few points are a small group however sparse the scan is.
 const FEW_POINTS_OF_A_GROUP: f64 = 3.0;
 
@@ -74,18 +81,7 @@ pub(super) fn are_isolated(
     positions: &[Local],
     matters: impl Fn(usize) -> bool + Sync,
 ) -> Vec<bool> {
-    let grid = surface
-        .field()
-        .grid_of_edge(positions, surface.options.link());
-    let seeds = Seeds {
-        surface,
-        positions,
-        grid,
-        points: unknown(positions),
-        are_thin: unknown(positions),
-        surfaces: unknown(positions),
-        are_lost: unknown(positions),
-    };
+    let seeds = Seeds::new(surface, positions);
     (0..positions.len())
         .into_par_iter()
         .with_max_len(ITEMS_PER_TASK)
@@ -114,7 +110,21 @@ struct Seeds<'a> {
     are_lost: Vec<OnceLock<bool>>,
 }
 
-impl Seeds<'_> {
+impl<'a> Seeds<'a> {
+    /// The seeds at `positions`, of which nothing is known as yet.
+    fn new(surface: Surface<'a>, positions: &'a [Local]) -> Self {
+        let link = surface.options.link();
+        Self {
+            surface,
+            positions,
+            grid: surface.field().grid_of_edge(positions, link),
+            points: unknown(positions),
+            are_thin: unknown(positions),
+            surfaces: unknown(positions),
+            are_lost: unknown(positions),
+        }
+    }
+
     /// The points of the scan that the seed stands for.
     fn points(&self, seed: usize) -> Represented {
         *self.points[seed].get_or_init(|| {
@@ -124,9 +134,11 @@ impl Seeds<'_> {
         })
     }
 
-    /// Whether the seed is adrift, or beside a surface.
+    /// Whether the seed is adrift, beside a surface, or a speck.
     fn is_lost(&self, seed: usize) -> bool {
-        *self.are_lost[seed].get_or_init(|| self.is_adrift(seed) || self.is_beside_a_surface(seed))
+        *self.are_lost[seed].get_or_init(|| {
+            self.is_adrift(seed) || self.is_beside_a_surface(seed) || self.is_a_speck(seed)
+        })
     }
 
     /// Whether the seed and what belongs to it, without those that are lost, are few and stand for few points.
@@ -134,7 +146,20 @@ impl Seeds<'_> {
         let place = self.positions[seed];
         let options = self.surface.options_at(place);
         self.linked_seeds(seed, options.link())
-            .is_some_and(|group| !are_dense(self.surface.with(&options), &group))
+            .is_some_and(|group| {
+                let average_share = match self.is_alone(&group, options.plane_radius()) {
+                    true => AVERAGE_SHARE_OF_A_GROUP_ALONE,
+                    false => AVERAGE_SHARE_OF_A_GROUP,
+                };
+                !are_dense(self.surface.with(&options), &group, average_share)
+            })
+    }
+
+    /// Whether no seed but those of the `group` is within `radius` (CRS units) of them.
+    fn is_alone(&self, group: &[Local], radius: f64) -> bool {
+        let around = |&seed: &Local| linked_to(&self.grid, seed, radius);
+        let mut around = group.iter().flat_map(around);
+        around.all(|(_, place)| group.contains(&place))
     }
 
     /// The seeds that belong to this one, itself among them, without those that are lost; `None` if they are many.
@@ -155,12 +180,23 @@ impl Seeds<'_> {
         Some(linked)
     }
 
+    /// Whether the seed stands for next to nothing of what seeds around it usually do, and lies on no plane.
+    fn is_a_speck(&self, seed: usize) -> bool {
+        let place = self.positions[seed];
+        let options = self.surface.options_at(place);
+        let own = self.points(seed).own;
+        let usual = || VOXELS_OF_A_SEED * usual_points(self.surface.with(&options), &[place]);
+        own <= AVERAGE_SHARE_OF_A_SPECK * average_points(self.surface)
+            && !lies_on_a_plane(&self.grid, place, &options)
+            && !lies_among_alike(&self.grid, place, &options, |seed| self.is_sparse(seed))
+            && own <= SHARE_OF_A_SPECK * usual()
+    }
+
     /// Whether the seed is thin and all that are linked to it are, however many, and they lie on no plane.
     fn is_adrift(&self, seed: usize) -> bool {
         let place = self.positions[seed];
         let options = self.surface.options_at(place);
-        let average = f64::max(FEW_POINTS, average_points(self.surface));
-        let is_sparse = |seed: usize| self.points(seed).own <= average;
+        let is_sparse = |seed: usize| self.is_sparse(seed);
         let linked = linked_to(&self.grid, place, options.link());
         let mut linked: Vec<usize> = linked.map(|(other, _)| other).collect();
         // What is quick to find out comes first: hardly a seed of a surface is left when surroundings are looked at. Those
@@ -169,10 +205,15 @@ impl Seeds<'_> {
             && !lies_on_a_plane(&self.grid, place, &options)
             && !lies_among_alike(&self.grid, place, &options, is_sparse)
             && {
-                let own = |&other: &usize| self.points(other).own;
-                linked.sort_unstable_by(|a, b| own(b).total_cmp(&own(a)));
+                let fewest = |&other: &usize| self.points(other).fewest();
+                linked.sort_unstable_by(|a, b| fewest(b).total_cmp(&fewest(a)));
                 linked.into_iter().all(|other| self.is_thin(other))
             }
+    }
+
+    /// Whether the seed stands for no more points than seeds do on average.
+    fn is_sparse(&self, seed: usize) -> bool {
+        self.points(seed).fewest() <= f64::max(FEW_POINTS, average_points(self.surface))
     }
 
     /// Whether the seed stands for few points.
@@ -181,8 +222,8 @@ impl Seeds<'_> {
             let place = self.positions[seed];
             let options = self.surface.options_at(place);
             let usual = || usual_points(self.surface.with(&options), &[place]);
-            let own = self.points(seed).own;
-            own <= FEW_POINTS || own <= THIN_SHARE * usual()
+            let fewest = self.points(seed).fewest();
+            fewest <= FEW_POINTS || fewest <= THIN_SHARE * usual()
         })
     }
 
@@ -219,12 +260,13 @@ impl Seeds<'_> {
     }
 }
 
-/// Whether the `linked` seeds stand for more points than seeds around them usually do.
-fn are_dense(surface: Surface<'_>, linked: &[Local]) -> bool {
+/// Whether the `linked` seeds stand for more points than seeds around them usually do, and than this share of those that a seed
+/// does on average.
+fn are_dense(surface: Surface<'_>, linked: &[Local], average_share: f64) -> bool {
     let voxels = SEEDS_WORTH_OF_A_GROUP * VOXELS_OF_A_SEED;
     // A point more than the mean is usual by chance alone.
     let usual = voxels * (usual_points(surface, linked) - 1.0);
-    let few = AVERAGE_SHARE_OF_A_GROUP * average_points(surface);
+    let few = average_share * average_points(surface);
     own_points(surface, linked) > FEW_POINTS_OF_A_GROUP.max(few).max(usual)
 }
 
@@ -247,8 +289,8 @@ mod tests {
         (0..count).map(move |k| Local::new(unit(3 * k), unit(3 * k + 1), unit(3 * k + 2)) * edge)
     }
 
-    /// The seeds of a scan with `places`, each with whether it is isolated.
-    fn judged(places: Vec<Local>) -> Vec<(Local, bool)> {
+    /// The scan of `places`, of which a seed stands for 50 on average.
+    fn scan(places: Vec<Local>) -> (Scan, SolverOptions) {
         let options = SolverOptions {
             seeds_per_point: 0.02,
             ..SolverOptions::new(0.1)
@@ -256,7 +298,12 @@ mod tests {
         let points: Vec<Stored> = (places.iter())
             .filter_map(|&p| QUANTIZATION.stored(p))
             .collect();
-        let scan = Scan::new(points, QUANTIZATION, &options);
+        (Scan::new(points, QUANTIZATION, &options), options)
+    }
+
+    /// The seeds of a scan with `places`, each with whether it is isolated.
+    fn judged(places: Vec<Local>) -> Vec<(Local, bool)> {
+        let (scan, options) = scan(places);
         let seeds = elect(&scan, &options).positions;
         let surface = Surface::new(&scan, &options);
         let isolated = are_isolated(surface, &seeds, |_| true);
@@ -303,9 +350,37 @@ mod tests {
     }
 
     #[test]
+    fn specks_around_a_dense_crown_are_isolated_and_the_crown_is_not() {
+        // A shell of two spacings: no plane passes by what is a spacing before it.
+        let center = Local::new(1.5, 1.5, 1.0);
+        let from_center = |p: &Local| (p - center).norm();
+        let around = |count, edge: f64| {
+            even(count, edge).map(move |p| p + center - Local::repeat(0.5 * edge))
+        };
+        let crown = around(200_000, 0.42).filter(|p| (0.18..0.21).contains(&from_center(p)));
+        let strays = around(150, 0.8).filter(|p| (0.3..0.34).contains(&from_center(p)));
+        let points = floor().chain(crown).chain(strays).collect();
+        let (scan, options) = scan(points);
+        let positions = elect(&scan, &options).positions;
+        let seeds = Seeds::new(Surface::new(&scan, &options), &positions);
+        let in_shell = |low: f64, high: f64| -> Vec<usize> {
+            let is_there = |&k: &usize| (low..high).contains(&from_center(&positions[k]));
+            (0..positions.len()).filter(is_there).collect()
+        };
+        let (strays, crown) = (in_shell(0.28, 0.36), in_shell(0.0, 0.22));
+        let lost: Vec<&usize> = strays.iter().filter(|&&k| seeds.is_lost(k)).collect();
+        let is_otherwise = |&&&k: &&&usize| seeds.is_adrift(k) || seeds.is_beside_a_surface(k);
+        let otherwise = lost.iter().filter(is_otherwise).count();
+        assert!(strays.len() >= 10 && 10 * lost.len() >= 9 * strays.len());
+        assert!(otherwise < lost.len(), "{otherwise} of {}", lost.len());
+        assert!(crown.len() > 40 && crown.iter().all(|&k| !seeds.is_lost(k)));
+    }
+
+    #[test]
     fn a_bird_is_isolated_and_a_lamp_that_was_scanned_more_densely_is_not() {
         let small = |count, at: Local| even(count, 0.08).map(move |p| p + at);
-        let bird = small(40, Local::new(1.0, 1.0, 1.0));
+        // A seed stands for 50 points on average, and on the floor for about 80.
+        let bird = small(120, Local::new(1.0, 1.0, 1.0));
         let lamp = small(2_000, Local::new(2.0, 2.0, 1.0));
         let judged = judged(floor().chain(bird).chain(lamp).collect());
         let high = judged.iter().filter(|(place, _)| place.z > 0.5);

@@ -6,6 +6,8 @@ use crate::{geometry::Local, lloyd::surface::Surface};
 const OWN_IN_SPACINGS: f64 = 1.0;
 /// The points that a seed alone stands for are those nearer to it: other seeds are hardly ever as near to them.
 const NEAR_IN_SPACINGS: f64 = 0.5;
+/// The share of the points that a seed on a surface stands for which are so near to it.
+const NEAR_SHARE: f64 = (NEAR_IN_SPACINGS / OWN_IN_SPACINGS) * (NEAR_IN_SPACINGS / OWN_IN_SPACINGS);
 /// Number of voxels that the cell of a seed on a surface meets.
 pub(super) const VOXELS_OF_A_SEED: f64 = 5.4;
 /// Radius of the surroundings by which it is judged how many points are few: no more than the margin of an election.
@@ -34,6 +36,12 @@ impl Represented {
             }
         });
         points
+    }
+
+    /// The number of its points, by those that are near alone if that is less: the others can be those of a surface that it
+    /// stands before.
+    pub(super) fn fewest(self) -> f64 {
+        self.own.min(self.near / NEAR_SHARE)
     }
 }
 
