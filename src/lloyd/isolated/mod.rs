@@ -106,7 +106,7 @@ struct Seeds<'a> {
     are_thin: Vec<OnceLock<bool>>,
     /// The surface that each of them lies on, if it is on one.
     surfaces: Vec<OnceLock<Option<Box<SurfacePlane>>>>,
-    /// Whether each of them is adrift, or beside a surface.
+    /// Whether each of them is adrift, beside a surface, or a speck.
     are_lost: Vec<OnceLock<bool>>,
 }
 

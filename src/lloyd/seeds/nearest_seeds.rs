@@ -131,14 +131,16 @@ mod tests {
         election.seeds = points.iter().copied().step_by(20).collect();
 
         let twin = |election: &Election<'_>| -> Vec<Option<u32>> {
-            let distance = |a: Stored, b: Stored| (election.local(a) - election.local(b)).norm();
+            let squared =
+                |a: Stored, b: Stored| (election.local(a) - election.local(b)).norm_squared();
+            let reach = REACH_IN_SPACINGS * 0.1;
             let nearest = |&point: &Stored| {
                 let seeds = (0..).zip(&election.seeds);
                 let (number, seed) = seeds.min_by(|&(_, &a), &(_, &b)| {
-                    let by_distance = distance(point, a).total_cmp(&distance(point, b));
+                    let by_distance = squared(point, a).total_cmp(&squared(point, b));
                     by_distance.then_with(|| by_position(&election.local(a), &election.local(b)))
                 })?;
-                (distance(point, *seed) <= REACH_IN_SPACINGS * 0.1).then_some(number)
+                (squared(point, *seed) <= reach * reach).then_some(number)
             };
             points.iter().map(nearest).collect()
         };
