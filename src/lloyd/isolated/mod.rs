@@ -89,54 +89,81 @@ pub(super) fn are_isolated(
         .collect()
 }
 
-/// What is to be found out of the seeds at `positions`.
-fn unknown<T>(positions: &[Local]) -> Vec<OnceLock<T>> {
-    positions.iter().map(|_| OnceLock::new()).collect()
+/// The properties of a seed. Each is computed once, when it is first needed.
+#[derive(Default)]
+struct Properties {
+    /// The points of the scan that the seed stands for.
+    points: OnceLock<Represented>,
+    /// The number of points that voxels around the seed usually have.
+    usual_points: OnceLock<f64>,
+    /// Whether the seed lies on a plane or line of the seeds around it.
+    is_on_a_plane: OnceLock<bool>,
+    /// Whether the seed lies on a plane or line of the sparse seeds around it.
+    is_among_sparse: OnceLock<bool>,
+    /// The surface that the seed lies on, if it is on one.
+    surface: OnceLock<Option<Box<SurfacePlane>>>,
+    /// Whether the seed is adrift, beside a surface, or a speck.
+    is_lost: OnceLock<bool>,
 }
 
-/// The seeds of a cloud. What is known of one is found out when it is first asked for: in a tile most are in the halo, and
-/// only those near its core are.
+/// The seeds of a cloud. In a tile most are in the halo, and only properties of those near its core are needed.
 struct Seeds<'a> {
     surface: Surface<'a>,
     positions: &'a [Local],
     grid: NeighborGrid,
-    /// What each of them stands for.
-    points: Vec<OnceLock<Represented>>,
-    /// Whether each of them stands for few points.
-    are_thin: Vec<OnceLock<bool>>,
-    /// The surface that each of them lies on, if it is on one.
-    surfaces: Vec<OnceLock<Option<Box<SurfacePlane>>>>,
-    /// Whether each of them is adrift, beside a surface, or a speck.
-    are_lost: Vec<OnceLock<bool>>,
+    properties: Vec<Properties>,
 }
 
 impl<'a> Seeds<'a> {
-    /// The seeds at `positions`, of which nothing is known as yet.
+    /// The seeds at `positions`, with no property computed yet.
     fn new(surface: Surface<'a>, positions: &'a [Local]) -> Self {
         let link = surface.options.link();
         Self {
             surface,
             positions,
             grid: surface.field().grid_of_edge(positions, link),
-            points: unknown(positions),
-            are_thin: unknown(positions),
-            surfaces: unknown(positions),
-            are_lost: unknown(positions),
+            properties: positions.iter().map(|_| Properties::default()).collect(),
         }
     }
 
     /// The points of the scan that the seed stands for.
     fn points(&self, seed: usize) -> Represented {
-        *self.points[seed].get_or_init(|| {
+        *self.properties[seed].points.get_or_init(|| {
             let place = self.positions[seed];
             let options = self.surface.options_at(place);
             Represented::by(self.surface.with(&options), place)
         })
     }
 
+    /// The number of points that voxels around the seed usually have.
+    fn usual_points(&self, seed: usize) -> f64 {
+        *self.properties[seed].usual_points.get_or_init(|| {
+            let place = self.positions[seed];
+            let options = self.surface.options_at(place);
+            usual_points(self.surface.with(&options), &[place])
+        })
+    }
+
+    /// Whether the seed lies on a plane or line of the seeds around it.
+    fn is_on_a_plane(&self, seed: usize) -> bool {
+        *self.properties[seed].is_on_a_plane.get_or_init(|| {
+            let place = self.positions[seed];
+            lies_on_a_plane(&self.grid, place, &self.surface.options_at(place))
+        })
+    }
+
+    /// Whether the seed lies on a plane or line of the sparse seeds around it.
+    fn is_among_sparse(&self, seed: usize) -> bool {
+        *self.properties[seed].is_among_sparse.get_or_init(|| {
+            let place = self.positions[seed];
+            let options = self.surface.options_at(place);
+            lies_among_alike(&self.grid, place, &options, |other| self.is_sparse(other))
+        })
+    }
+
     /// Whether the seed is adrift, beside a surface, or a speck.
     fn is_lost(&self, seed: usize) -> bool {
-        *self.are_lost[seed].get_or_init(|| {
+        *self.properties[seed].is_lost.get_or_init(|| {
             self.is_adrift(seed) || self.is_beside_a_surface(seed) || self.is_a_speck(seed)
         })
     }
@@ -182,13 +209,11 @@ impl<'a> Seeds<'a> {
 
     /// Whether the seed stands for next to nothing of what seeds around it usually do, and lies on no plane.
     fn is_a_speck(&self, seed: usize) -> bool {
-        let place = self.positions[seed];
-        let options = self.surface.options_at(place);
         let own = self.points(seed).own;
-        let usual = || VOXELS_OF_A_SEED * usual_points(self.surface.with(&options), &[place]);
+        let usual = || VOXELS_OF_A_SEED * self.usual_points(seed);
         own <= AVERAGE_SHARE_OF_A_SPECK * average_points(self.surface)
-            && !lies_on_a_plane(&self.grid, place, &options)
-            && !lies_among_alike(&self.grid, place, &options, |seed| self.is_sparse(seed))
+            && !self.is_on_a_plane(seed)
+            && !self.is_among_sparse(seed)
             && own <= SHARE_OF_A_SPECK * usual()
     }
 
@@ -196,14 +221,13 @@ impl<'a> Seeds<'a> {
     fn is_adrift(&self, seed: usize) -> bool {
         let place = self.positions[seed];
         let options = self.surface.options_at(place);
-        let is_sparse = |seed: usize| self.is_sparse(seed);
         let linked = linked_to(&self.grid, place, options.link());
         let mut linked: Vec<usize> = linked.map(|(other, _)| other).collect();
         // What is quick to find out comes first: hardly a seed of a surface is left when surroundings are looked at. Those
         // of the seed with the most points tell most often that not all are thin.
-        linked.iter().all(|&other| is_sparse(other))
-            && !lies_on_a_plane(&self.grid, place, &options)
-            && !lies_among_alike(&self.grid, place, &options, is_sparse)
+        linked.iter().all(|&other| self.is_sparse(other))
+            && !self.is_on_a_plane(seed)
+            && !self.is_among_sparse(seed)
             && {
                 let fewest = |&other: &usize| self.points(other).fewest();
                 linked.sort_unstable_by(|a, b| fewest(b).total_cmp(&fewest(a)));
@@ -218,13 +242,8 @@ impl<'a> Seeds<'a> {
 
     /// Whether the seed stands for few points.
     fn is_thin(&self, seed: usize) -> bool {
-        *self.are_thin[seed].get_or_init(|| {
-            let place = self.positions[seed];
-            let options = self.surface.options_at(place);
-            let usual = || usual_points(self.surface.with(&options), &[place]);
-            let fewest = self.points(seed).fewest();
-            fewest <= FEW_POINTS || fewest <= THIN_SHARE * usual()
-        })
+        let fewest = self.points(seed).fewest();
+        fewest <= FEW_POINTS || fewest <= THIN_SHARE * self.usual_points(seed)
     }
 
     /// Whether the seed stands for next to nothing beside one on a surface that passes by it.
@@ -240,7 +259,7 @@ impl<'a> Seeds<'a> {
         linked_to(&self.grid, place, options.beside_radius())
             .filter(|&(other, _)| self.is_small_beside(seed, other))
             .any(|(other, _)| is_beside(other))
-            && !lies_on_a_plane(&self.grid, place, &options)
+            && !self.is_on_a_plane(seed)
     }
 
     /// Whether the seed stands for next to nothing compared with the `other`.
@@ -250,7 +269,7 @@ impl<'a> Seeds<'a> {
 
     /// The surface that the seed lies on, if it is on one: of those around it that are not small beside it.
     fn surface_of(&self, seed: usize) -> Option<&SurfacePlane> {
-        let surface = self.surfaces[seed].get_or_init(|| {
+        let surface = self.properties[seed].surface.get_or_init(|| {
             let place = self.positions[seed];
             let options = self.surface.options_at(place);
             let is_of_surface = |other: usize| !self.is_small_beside(other, seed);
