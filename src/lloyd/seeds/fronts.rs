@@ -45,6 +45,22 @@ const RINGS_IN_SPACINGS: [f64; 6] = [0.1, 0.1, 0.1, 0.2, 0.2, 0.2];
 /// Points are sorted anew, without those that are covered, where less than this share of them is left.
 const MOST_LEFT: f64 = 0.7;
 
+/// The scale by which the radii of an election become lengths at a position.
+struct RadiusScale {
+    /// The spacing at the position (CRS units).
+    spacing: f64,
+    /// The [share](Election::radius_shares) of every radius that holds there.
+    share: f64,
+}
+
+impl RadiusScale {
+    /// The square of a `radius` (spacings), in CRS units squared. In an election by this radius a seed that is nearer covers a
+    /// point at the position.
+    fn squared(&self, radius: f64) -> f64 {
+        (radius * self.share * self.spacing).powi(2)
+    }
+}
+
 /// A point with its squared distance to the nearest seed (CRS units squared), exact as far as it
 /// is needed, and with its [share](Election::radius_shares) of every radius.
 type Distant = (Stored, f64, f64);
@@ -85,7 +101,11 @@ impl Uncovered {
 
     /// The square of a `radius` (spacings) at the point with this `index`, in CRS units squared.
     fn squared(&self, index: usize, radius: f64) -> f64 {
-        (radius * self.shares[index] * self.spacings[index]).powi(2)
+        let scale = RadiusScale {
+            spacing: self.spacings[index],
+            share: self.shares[index],
+        };
+        scale.squared(radius)
     }
 
     /// Whether the point with this `index` is at least `radius` (spacings) from the nearest seed.
@@ -140,10 +160,9 @@ impl Election<'_> {
                 return true;
             };
             let position = self.local(point);
-            let spacing = field.at(position);
-            let covered = radius * share_at(position, spacing) * spacing;
+            let covered = self.radius_scale(position, &share_at).squared(radius);
             let way = self.local(self.seeds[nearest as usize]) - position;
-            way.norm_squared() >= covered * covered
+            way.norm_squared() >= covered
         };
         let with_nearest = points.par_iter().zip(nearest);
         let uncovered = with_nearest.filter(|&of_point| is_uncovered(of_point));
@@ -196,6 +215,13 @@ impl Election<'_> {
         }
     }
 
+    /// The scale of radii at `position`, with the share that `share_at` gives for it and the spacing there (CRS units).
+    fn radius_scale(&self, position: Local, share_at: impl Fn(Local, f64) -> f64) -> RadiusScale {
+        let spacing = self.surface.field().at(position);
+        let share = share_at(position, spacing);
+        RadiusScale { spacing, share }
+    }
+
     /// The `points` that no seed within `radius` (spacings) covers, in the order of their priorities.
     fn uncovered(
         &self,
@@ -203,15 +229,13 @@ impl Election<'_> {
         radius: f64,
         share_at: impl Fn(Local, f64) -> f64 + Sync,
     ) -> Vec<Distant> {
-        let field = self.surface.field();
         let reach = NUCLEUS_DISTANCE_IN_SPACINGS;
         let (itself, seeds) = (|&point: &Stored| point, self.grid());
         let mut left: Vec<(u64, Distant)> = self.by_brick(points, itself, &seeds, reach, |brick| {
             let with_distance = |&point: &Stored| {
                 let position = self.local(point);
-                let spacing = field.at(position);
-                let share = share_at(position, spacing);
-                let covered = (radius * share * spacing).powi(2);
+                let scale = self.radius_scale(position, &share_at);
+                let covered = scale.squared(radius);
                 let mut nearest = f64::INFINITY;
                 // Most points are covered by one of the seeds in the middle.
                 for seed in brick.seeds {
@@ -220,7 +244,7 @@ impl Election<'_> {
                         return None;
                     }
                 }
-                Some((self.priority(point), (point, nearest, share)))
+                Some((self.priority(point), (point, nearest, scale.share)))
             };
             brick.points.iter().filter_map(with_distance).collect()
         });
