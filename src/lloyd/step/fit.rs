@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     samples::Samples,
-    surroundings::{Standing, Surroundings},
+    scan_border::{ScanBorder, Standing},
 };
 use crate::{
     geometry::{BOUNDING_SIDES, Facets, Local, Patch, PatchKind, Reach, bounding_corners, upwards},
@@ -55,8 +55,8 @@ pub(crate) struct Fit {
     pub(crate) patch: Patch,
     /// The position of the site when the patch was fitted.
     anchor: Local,
-    /// The scan around the site.
-    surroundings: Surroundings,
+    /// The border of the scan near the site.
+    border: ScanBorder,
     /// The share of a step that the patch is trusted for: 0 for none.
     pub(crate) trust: f64,
     /// How far the scan reaches around the anchor on the patch; computed on demand.
@@ -100,7 +100,7 @@ impl Fit {
         enough(trust).then(|| Self {
             patch: better(&patch, trust, site, near, weights, options),
             anchor: site,
-            surroundings: Surroundings::new(site, near, input_spacing, radius),
+            border: ScanBorder::new(site, near, input_spacing, radius),
             trust,
             scanned: None,
             facets: None,
@@ -195,7 +195,7 @@ impl Fit {
         let Self {
             patch,
             anchor,
-            surroundings,
+            border,
             scanned,
             ..
         } = self;
@@ -203,7 +203,7 @@ impl Fit {
             let within = samples.in_fit_radius(*anchor, surface);
             Box::new(reach_of(within, patch, *anchor, spacing))
         });
-        let margin = (0.5 * surroundings.input_spacing).max(SAMPLE_REACH_IN_SPACINGS * spacing);
+        let margin = (0.5 * border.input_spacing).max(SAMPLE_REACH_IN_SPACINGS * spacing);
         let way = site - *anchor;
         let [u, v] = [0, 1].map(|axis| patch.axes[axis].dot(&way));
         let mut reach = **from_anchor;
@@ -234,12 +234,12 @@ impl Fit {
 
     /// Whether `position` is no farther from the scan than the threshold of the boundary restriction, be it beyond a border.
     pub(crate) fn is_within_threshold(&mut self, position: Local, surface: Surface<'_>) -> bool {
-        self.surroundings.is_within_threshold(position, surface)
+        self.border.is_within_threshold(position, surface)
     }
 
     /// Where `position` is, as the boundary restriction sees it.
     pub(super) fn place(&mut self, position: Local, surface: Surface<'_>) -> Standing {
-        self.surroundings.place(position, surface)
+        self.border.place(position, surface)
     }
 }
 

@@ -13,7 +13,7 @@ use super::{
     following::{FollowedCell, LARGEST_DRIFT_IN_SPACINGS},
     links::Links,
     neighborhoods::{FarList, NEAR_IN_SPACINGS},
-    surroundings::Standing,
+    scan_border::Standing,
     vicinity::Vicinity,
 };
 use crate::{

@@ -7,7 +7,7 @@
 //! The paper's threshold is one number for the cloud, 0.5 to 1.5 times the mean distance
 //! between neighbouring points. Density varies a hundredfold in mobile mapping, so ours is
 //! local by default: the paper's own "promising solution". With it no site stands beyond a border, either:
-//! see [`surroundings`](super::surroundings).
+//! see [`scan_border`](super::scan_border).
 
 use serde::{Deserialize, Serialize};
 

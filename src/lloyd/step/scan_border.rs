@@ -1,4 +1,4 @@
-//! What a fit knows of the scan around its site, and where that lets the site be.
+//! The border of the scan near a site, as far as its fit knows it, and where that lets the site be.
 //!
 //! A threshold that leads sites across the gaps between the points of a scan leads them as far beyond its border, into the air;
 //! there a simulated street had its points farthest from the truth. So with a local threshold a position near a border that no
@@ -53,9 +53,9 @@ pub(super) enum Standing {
     Away,
 }
 
-/// The scan around a site.
+/// The border of the scan near a site, if there is one.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Surroundings {
+pub(super) struct ScanBorder {
     /// Spacing of the scan (CRS units).
     pub(super) input_spacing: f64,
     /// Whether the scan lies all around, so that no border is near.
@@ -65,8 +65,8 @@ pub(super) struct Surroundings {
     witness: Local,
 }
 
-impl Surroundings {
-    /// The scan of this `input_spacing` around `site`, by the `samples` within the `radius` of the fit (CRS units).
+impl ScanBorder {
+    /// The border near `site` of a scan of this `input_spacing`, by the `samples` within the `radius` of the fit (CRS units).
     pub(super) fn new(site: Local, samples: &[Local], input_spacing: f64, radius: f64) -> Self {
         let inner = INNER_RADIUS_IN_FIT_RADII * radius;
         Self {
@@ -182,8 +182,8 @@ mod tests {
         let within: Vec<Local> = within
             .filter(|point| (point - position).norm() < radius)
             .collect();
-        let mut surroundings = Surroundings::new(position, &within, 0.1, radius);
-        surroundings.place(position, Surface::new(&scan, &options))
+        let mut border = ScanBorder::new(position, &within, 0.1, radius);
+        border.place(position, Surface::new(&scan, &options))
     }
 
     #[test]
