@@ -32,6 +32,9 @@ pub(super) struct Simulation {
     /// Points that are strays (rain, echoes, beams that meet two surfaces; class 7), as a share of all points
     #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
     strays: f64,
+    /// Cars and people of which each is there in one pass only (class 64)
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    passing: u32,
     /// Seed of the street and of the noise
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -56,11 +59,12 @@ pub(super) fn write_simulation(
     let is_street = (20.0..=1e6).contains(&simulation.length)
         && (1..=100).contains(&simulation.passes)
         && (0.0..=1.0).contains(&simulation.noise)
-        && (0.0..=0.5).contains(&simulation.strays);
+        && (0.0..=0.5).contains(&simulation.strays)
+        && simulation.passing <= 1000;
     if !is_street {
         return Err(JobError::Refused(
-            "a street is 20 m to 1000 km long, driven down 1 to 100 times, with a noise of 0 to 1 m and up to half \
-             of its points strays"
+            "a street is 20 m to 1000 km long, driven down 1 to 100 times, with a noise of 0 to 1 m, up to half of \
+             its points strays, and up to 1000 cars and people in passing"
                 .into(),
         ));
     }
@@ -70,21 +74,35 @@ pub(super) fn write_simulation(
         points: simulation.points.0,
         noise: simulation.noise,
         strays: simulation.strays,
+        passing: simulation.passing,
         seed: simulation.seed,
     });
     let scans = write_street(&street, output)?;
     let path = output.join(STREET_FILE);
     let text = serde_json::to_string_pretty(street.options()).unwrap_or_default();
-    std::fs::write(&path, text).map_err(|source| JobError::Io {
+    write_text(&path, &text)?;
+    let line = |(time, [x, y, z]): (f64, [f64; 3])| format!("{time:.3},{x:.4},{y:.4},{z:.4}\n");
+    let lines: String = street.way().into_iter().map(line).collect();
+    write_text(
+        &output.join(TRAJECTORY_FILE),
+        &format!("time,x,y,z\n{lines}"),
+    )?;
+    Ok(scans)
+}
+
+fn write_text(path: &Path, text: &str) -> Result<(), JobError> {
+    std::fs::write(path, text).map_err(|source| JobError::Io {
         action: "write",
         path: path.display().to_string(),
         source,
-    })?;
-    Ok(scans)
+    })
 }
 
 /// The name of the file beside the scans that describes their street.
 const STREET_FILE: &str = "street.json";
+
+/// The name of the file beside the scans with the way of the scanner.
+const TRAJECTORY_FILE: &str = "trajectory.csv";
 
 /// Returns the street whose scans are in the directory `dir`.
 pub(super) fn street_in(dir: &Path) -> Result<Street, JobError> {

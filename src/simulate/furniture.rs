@@ -26,7 +26,9 @@ pub(super) fn build_furniture(solids: &mut Solids, west: f64, side: f64, random:
     solids.column(pole, [KERB_HEIGHT, POLE_HEIGHT], radius, Material::Metal);
     build_wire(solids, pole);
     if random.happens(CAR_PROBABILITY) {
-        build_car(solids, west + random.between(8.0, 13.0), side);
+        let x = west + random.between(8.0, 13.0);
+        let y = if side > 0.0 { 2.1 } else { -3.8 };
+        build_car(solids, [x, y], Material::Paint);
     }
     if random.happens(TREE_PROBABILITY) {
         let trunk = [west + random.between(14.5, 18.5), side * 5.4];
@@ -49,15 +51,14 @@ fn build_wire(solids: &mut Solids, pole: [f64; 2]) {
     }
 }
 
-/// Builds a car, a box with an ellipsoid on it, that begins at `x`.
-fn build_car(solids: &mut Solids, x: f64, side: f64) {
-    let y = if side > 0.0 { 2.1 } else { -3.8 };
-    solids.cuboid([x, y, 0.3], [4.2, 1.7, 0.5], Material::Paint);
+/// Builds a car along the street, a box with an ellipsoid on it, whose least corner is above `[x, y]`.
+pub(super) fn build_car(solids: &mut Solids, [x, y]: [f64; 2], material: Material) {
+    solids.cuboid([x, y, 0.3], [4.2, 1.7, 0.5], material);
     let roof = Shape::Ellipsoid {
         center: Local::new(x + 2.0, y + 0.85, 0.8),
         axes: Local::new(1.5, 0.75, 0.65),
     };
-    solids.add(roof, Material::Paint);
+    solids.add(roof, material);
 }
 
 /// Builds a tree: a trunk, and balls for leaves, evenly spread in a larger ball.

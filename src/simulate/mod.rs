@@ -21,6 +21,7 @@ mod edges;
 mod facade;
 mod furniture;
 mod options;
+mod passing;
 mod random;
 mod road;
 mod scanner;

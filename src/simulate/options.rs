@@ -16,6 +16,9 @@ pub struct StreetOptions {
     /// The share of the points that are strays, of class 7: rain, echoes, and beams that meet two surfaces.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub strays: f64,
+    /// The number of cars and people of which each is there in one pass only. Their points have class 64.
+    #[serde(default, skip_serializing_if = "is_none_passing")]
+    pub passing: u32,
     /// The seed of the street and of the noise.
     pub seed: u64,
 }
@@ -28,9 +31,15 @@ impl Default for StreetOptions {
             points: 2_000_000,
             noise: 0.01,
             strays: 0.0,
+            passing: 0,
             seed: 1,
         }
     }
+}
+
+/// Whether nothing is there in one pass only, which descriptions of streets do not state.
+fn is_none_passing(passing: &u32) -> bool {
+    *passing == 0
 }
 
 /// Whether there are no strays, which descriptions of streets do not state.

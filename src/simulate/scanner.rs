@@ -3,11 +3,7 @@
 
 use std::f64::consts::{FRAC_PI_4, TAU};
 
-use super::{
-    random::unit,
-    street::{Hit, Street},
-    world::to_world,
-};
+use super::{random::unit, solids::Hit, street::Street, world::to_world};
 use crate::geometry::{Local, spread};
 
 /// The number of points that are simulated together: a slice depends on nothing but its number.
@@ -22,6 +18,9 @@ pub(super) const LARGEST_RANGE: f64 = 60.0;
 const SCANNER_HEIGHT: f64 = 2.4;
 /// The speed of the vehicle (m/s).
 const SPEED: f64 = 8.0;
+
+/// The time between two waypoints of the vehicle (s).
+const SECONDS_BETWEEN_WAYPOINTS: f64 = 0.5;
 
 /// The class of stray returns: low noise.
 const NOISE: u8 = 7;
@@ -113,17 +112,43 @@ impl Street {
         points
     }
 
+    /// Returns the way of the scanner: its GPS times (s) and places (world coordinates, m) in all passes.
+    pub(crate) fn way(&self) -> Vec<(f64, [f64; 3])> {
+        let seconds = self.options.length / SPEED;
+        let steps = (seconds / SECONDS_BETWEEN_WAYPOINTS).ceil().max(1.0);
+        let waypoint = |pass: u32, step: u32| {
+            let share = f64::from(step) / steps;
+            (
+                self.gps_time(pass, share),
+                to_world(self.scanner(pass, share)),
+            )
+        };
+        (0..self.options.passes)
+            .flat_map(|pass| (0..=steps as u32).map(move |step| waypoint(pass, step)))
+            .collect()
+    }
+
+    /// Returns where the scanner is when the vehicle has driven this share of the street: it drives down the street and
+    /// back, in lanes.
+    fn scanner(&self, pass: u32, share: f64) -> Local {
+        let is_back = pass % 2 == 1;
+        let along = if is_back { 1.0 - share } else { share };
+        let lane = if is_back { 1.6 } else { -1.6 } + 0.3 * f64::from(pass / 2);
+        Local::new(along * self.options.length, lane, SCANNER_HEIGHT)
+    }
+
+    /// Returns the GPS time (s) when the vehicle has driven this share of the street.
+    fn gps_time(&self, pass: u32, share: f64) -> f64 {
+        300_000.0 + f64::from(pass) * 3600.0 + share * self.options.length / SPEED
+    }
+
     /// Returns the return of a pulse that is sent when the vehicle has driven this share of the
     /// street.
     fn pulse(&self, slice: &Slice, pulse: u64, share: f64) -> Option<SimulatedPoint> {
         let pass = slice.pass;
         let random = |k: u64| unit(spread(slice.hash ^ spread(4 * pulse + k)));
 
-        // The vehicle drives down the street and back, in lanes.
-        let is_back = pass % 2 == 1;
-        let along = if is_back { 1.0 - share } else { share };
-        let lane = if is_back { 1.6 } else { -1.6 } + 0.3 * f64::from(pass / 2);
-        let origin = Local::new(along * self.options.length, lane, SCANNER_HEIGHT);
+        let origin = self.scanner(pass, share);
 
         // The angle of the mirror counts from straight down; the scanners alternate.
         let turn = (pulse as f64 + 0.3 * random(0)) / slice.pulses_per_turn * TAU;
@@ -134,7 +159,7 @@ impl Street {
             range,
             normal,
             material,
-        } = self.cast(origin, direction, LARGEST_RANGE)?;
+        } = self.cast_in_pass(pass, origin, direction, LARGEST_RANGE)?;
 
         // The sum of three uniform errors is nearly normal, and ends at three standard
         // deviations.
@@ -158,7 +183,7 @@ impl Street {
             position: to_world(at),
             intensity: (60_000.0 * reflectance * head_on / (1.0 + range / 15.0)) as u16,
             color: color.map(|c| (c * shade * 65_535.0).min(65_535.0) as u16),
-            gps_time: 300_000.0 + f64::from(pass) * 3600.0 + share * self.options.length / SPEED,
+            gps_time: self.gps_time(pass, share),
             class,
             angle: turn.to_degrees().rem_euclid(360.0) - 180.0,
             pass: u16::try_from(pass + 1).unwrap_or(u16::MAX),

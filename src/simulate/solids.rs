@@ -3,6 +3,9 @@
 use super::shapes::Shape;
 use crate::geometry::Local;
 
+/// The class of what is there in one pass only, of those that LAS leaves to its users.
+pub(super) const PASSING: u8 = 64;
+
 /// What a surface is made of, which decides its class and its colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Material {
@@ -15,6 +18,8 @@ pub(super) enum Material {
     Paint,
     Leaf,
     Wood,
+    /// Cars and people that are there in one pass only.
+    Passing,
 }
 
 impl Material {
@@ -30,8 +35,19 @@ impl Material {
             Self::Paint => (1, 0.8, [0.65, 0.12, 0.12]),
             Self::Leaf => (5, 0.5, [0.20, 0.50, 0.15]),
             Self::Wood => (5, 0.4, [0.35, 0.25, 0.15]),
+            Self::Passing => (PASSING, 0.6, [0.15, 0.25, 0.65]),
         }
     }
+}
+
+/// A point at which a ray meets a surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hit {
+    /// The distance along the ray.
+    pub(super) range: f64,
+    /// The normal of the surface, of length 1.
+    pub(super) normal: Local,
+    pub(super) material: Material,
 }
 
 /// Surfaces in the order in which they were built.

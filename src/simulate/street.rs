@@ -5,8 +5,9 @@ use super::{
     blocks::build,
     edges::Edges,
     options::StreetOptions,
+    passing::AllPassing,
     road::Road,
-    solids::{Material, Solids},
+    solids::{Hit, Material, Solids},
     world::from_world,
 };
 use crate::geometry::Local;
@@ -19,16 +20,7 @@ pub struct Street {
     bins: Bins,
     edges: Edges,
     road: Road,
-}
-
-/// A point at which a ray meets a surface.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Hit {
-    /// The distance along the ray.
-    pub(super) range: f64,
-    /// The normal of the surface, of length 1.
-    pub(super) normal: Local,
-    pub(super) material: Material,
+    passing: AllPassing,
 }
 
 /// The bins below or above a ray, in the order in which it passes them.
@@ -88,12 +80,14 @@ impl Street {
         let bounds = solids.0.iter().map(|(shape, _)| shape.bounds());
         let bins = Bins::new(options.length, bounds);
         let edges = Edges::find(options.length, &solids, &bins, &road);
+        let passing = AllPassing::build(&options);
         Self {
             options,
             solids,
             bins,
             edges,
             road,
+            passing,
         }
     }
 
@@ -142,6 +136,22 @@ impl Street {
             }
         }
         first
+    }
+
+    /// Returns the first surface that the ray meets within `range` during `pass`: of the street, or of what is there
+    /// in that pass only.
+    pub(super) fn cast_in_pass(
+        &self,
+        pass: u32,
+        origin: Local,
+        direction: Local,
+        range: f64,
+    ) -> Option<Hit> {
+        let of_street = self.cast(origin, direction, range);
+        let before = of_street.map_or(range, |hit| hit.range);
+        self.passing
+            .cast(pass, origin, direction, before)
+            .or(of_street)
     }
 
     /// Returns the distance from `point` (street coordinates) to the nearest surface.
