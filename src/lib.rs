@@ -30,7 +30,8 @@
 //!   survey ─► scatter ─► plan ─► solve (each tile alone) ─► stitch ─► write (─► mesh) ─► report
 //! ```
 //!
-//! A **survey** reads headers only, and puts the run on one scale and offset, its *quantization*. **Scatter**
+//! A **survey** reads headers only, and puts the run on one scale and offset, its *quantization*. What has gone since one
+//! pass of the scanner saw it can be found by the others (`transients`), and left out from here on. **Scatter**
 //! decodes every file once (`las`) and adds each point to the *spill* of its cell, a square of an integer grid
 //! (`tile`), in memory or on disk. What is denser than the output can use is *thinned*: a voxel keeps a few points
 //! and the sum of the others. Now the true counts are known: one spacing for the whole cloud is chosen (`spacing`), and
@@ -100,6 +101,8 @@ mod store;
 #[cfg(feature = "formats")]
 mod tile;
 mod tiling;
+#[cfg(feature = "formats")]
+mod transients;
 #[cfg(feature = "formats")]
 mod views;
 

@@ -5,12 +5,13 @@ use std::collections::BTreeMap;
 use crate::sources::{Module, Sources};
 
 /// The modules, the lowest first: each may use those before it.
-const LAYERS: [&str; 19] = [
+const LAYERS: [&str; 20] = [
     // Numbers.
     "geometry",
     "quality",
     "lloyd",
     "mesh",
+    "transients",
     "tiling",
     "spacing",
     "resample",

@@ -26,4 +26,5 @@ mod resample;
 mod running;
 mod solver;
 mod sources;
+mod transients;
 mod unbreakable;

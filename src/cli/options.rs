@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     config::{
         Bytes, Choices, ClassRule, ColorRule, Computed, ConfigError, Count, Length, OnBadFile,
-        Places, Share, Sides,
+        Places, Share, Sides, TransientRule,
     },
     geometry::PatchKind,
     las::{OctreeLevels, PcdEncoding, PointOrder, ReprojectionTarget, TileFormat},
@@ -164,6 +164,10 @@ struct InputOptions {
     /// of the data
     #[arg(long, value_name = "FILE")]
     polygon: Option<PathBuf>,
+    /// Cars and people that one pass saw and others looked through: keep, or drop, which needs GPS times and --trajectory
+    /// [default: keep]
+    #[arg(long, value_name = "RULE", value_parser = by_name::<TransientRule>)]
+    transients: Option<TransientRule>,
     /// CRS of all inputs, in place of the one that their headers state: EPSG:32633, or a file
     /// of well-known text [default: the one that the headers state]
     #[arg(long, value_name = "CRS")]
@@ -232,8 +236,8 @@ struct OutputOptions {
     /// x,y,z;x,y,z [default: the poses of E57 scans, else it looks upwards, or outwards]
     #[arg(long, value_name = "PLACES", allow_hyphen_values = true)]
     scanner: Option<Places>,
-    /// Way of a moving scanner, towards which the mesh looks: a CSV file with the columns time,
-    /// x, y, z, in the GPS time and the CRS of the inputs
+    /// Way of a moving scanner, towards which the mesh looks, and from which --transients are found: a CSV file with the
+    /// columns time, x, y, z, in the GPS time and the CRS of the inputs
     #[arg(long, value_name = "FILE")]
     trajectory: Option<PathBuf>,
     /// Replace an existing output
@@ -400,7 +404,7 @@ mod tests {
             .get_arguments()
             .filter_map(|o| o.get_long())
             .collect();
-        assert_eq!(names.len(), 45);
+        assert_eq!(names.len(), 46);
         for name in names {
             let known = toml::from_str::<Choices>(&format!("{name} = {{}}"));
             let error = known.unwrap_err().to_string();

@@ -29,6 +29,17 @@ pub(crate) enum OnBadFile {
     Skip,
 }
 
+/// What becomes of points that one pass saw and others looked through.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum TransientRule {
+    /// They stay.
+    #[default]
+    Keep,
+    /// They are left out.
+    Drop,
+}
+
 /// Reads one text, or a list of them.
 fn texts<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Vec<String>>, D::Error> {
     #[derive(Deserialize)]
@@ -111,6 +122,8 @@ pub(crate) struct Choices {
     pub(crate) bounds: Option<Sides>,
     /// The file of polygons whose points are kept.
     pub(crate) polygon: Option<PathBuf>,
+    /// What becomes of points that one pass saw and others looked through.
+    pub(crate) transients: Option<TransientRule>,
     /// The CRS of all inputs: a code, or a file of well-known text.
     pub(crate) crs: Option<String>,
     /// The CRS to which the inputs are reprojected.

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use super::{
-    choices::Choices,
+    choices::{Choices, TransientRule},
     crs_unit::CrsUnit,
     density::DensitySettings,
     error::ConfigError,
@@ -13,6 +13,7 @@ use super::{
     rules::Computed,
     settings::{
         AttributeSettings, InputSettings, MeshSettings, ResourceSettings, Settings, TilingSettings,
+        TransientSettings,
     },
 };
 use crate::{
@@ -21,6 +22,7 @@ use crate::{
         TileFormat,
     },
     lloyd::{Restriction, SolverSettings},
+    transients::VOXEL_EDGE,
 };
 
 /// The greatest number of worker threads.
@@ -81,6 +83,7 @@ impl Choices {
                 crs: self.crs()?,
                 reproject: self.reproject,
                 levels: self.levels()?,
+                transients: self.transient_settings(unit)?,
             },
             attributes: self.attributes(),
             mesh: self.mesh_settings()?,
@@ -251,11 +254,14 @@ impl Choices {
                 "--scanner and --trajectory both say where the scanner was; give one".into(),
             ));
         }
-        let says_how =
-            self.mesh_of.is_some() || self.scanner.is_some() || self.trajectory.is_some();
+        let is_for_mesh_alone = self.transients != Some(TransientRule::Drop);
+        let says_how = self.mesh_of.is_some()
+            || self.scanner.is_some()
+            || self.trajectory.is_some() && is_for_mesh_alone;
         if self.mesh.is_none() && says_how {
             return Err(ConfigError::Words(
-                "--mesh-of, --scanner and --trajectory say how a mesh is made; give --mesh, too"
+                "--mesh-of, --scanner and --trajectory say how a mesh is made; give --mesh, too (--trajectory goes with \
+                 --transients drop as well)"
                     .into(),
             ));
         }
@@ -267,6 +273,21 @@ impl Choices {
                 .map_or_else(Vec::new, |places| places.0),
             trajectory: self.trajectory.clone(),
         }))
+    }
+
+    fn transient_settings(&self, unit: CrsUnit) -> Result<Option<TransientSettings>, ConfigError> {
+        match (self.transients.unwrap_or_default(), &self.trajectory) {
+            (TransientRule::Keep, _) => Ok(None),
+            (TransientRule::Drop, None) => Err(ConfigError::Words(
+                "--transients drop has to know from where each point was seen; give --trajectory, a file with the time and \
+                 place of the scanner"
+                    .into(),
+            )),
+            (TransientRule::Drop, Some(trajectory)) => Ok(Some(TransientSettings {
+                trajectory: trajectory.clone(),
+                voxel_edge: VOXEL_EDGE / unit.metres.unwrap_or(1.0),
+            })),
+        }
     }
 
     fn attributes(&self) -> AttributeSettings {

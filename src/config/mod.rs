@@ -29,7 +29,7 @@ mod settings;
 mod target;
 
 #[cfg(feature = "cli")]
-pub(crate) use choices::{Choices, OnBadFile};
+pub(crate) use choices::{Choices, OnBadFile, TransientRule};
 pub(crate) use density::{Condition, DensityRule, DensitySettings, RuleSpacing};
 #[cfg(test)]
 pub(crate) use density::{SEEN_BY_CURVATURE_IN_SPACINGS, SEEN_BY_HEIGHT_IN_SPACINGS};
@@ -45,4 +45,5 @@ pub(crate) use rectangle::Sides;
 pub(crate) use rules::{ClassRule, ColorRule, Computed};
 pub(crate) use settings::{
     AttributeSettings, InputSettings, MeshSettings, ResourceSettings, Settings, TilingSettings,
+    TransientSettings,
 };

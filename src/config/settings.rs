@@ -97,6 +97,18 @@ pub(crate) struct InputSettings {
     /// Which levels of octrees are read.
     #[serde(default, skip_serializing_if = "is_default")]
     pub(crate) levels: OctreeLevels,
+    /// How points are found that one pass saw and others looked through, if they are left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) transients: Option<TransientSettings>,
+}
+
+/// How points are found that one pass saw and others looked through.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct TransientSettings {
+    /// The file with the way of the scanner.
+    pub(crate) trajectory: PathBuf,
+    /// The edge of the voxels in which points are gathered.
+    pub(crate) voxel_edge: f64,
 }
 
 /// Which attributes the points of the output have.

@@ -28,6 +28,7 @@ mod response;
 mod stored_tree;
 #[cfg(test)]
 mod test_cells;
+mod viewpoints;
 mod word_sorting;
 
 pub use bisector::Neighbor;
@@ -54,6 +55,7 @@ pub(crate) use patch::upwards;
 pub use patch::{Patch, PatchKind};
 pub(crate) use response::Response;
 pub(crate) use stored_tree::{StoredTree, stored_distance_squared};
+pub(crate) use viewpoints::{ScannerWay, Viewpoints};
 pub(crate) use word_sorting::sort_words;
 
 /// Items (points, sites) that a thread takes at a time. Their costs differ widely: with few

@@ -8,7 +8,7 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 use super::{
-    directory::{InputStamps, PLAN_FILE},
+    directory::{InputStamps, PLAN_FILE, Stamp},
     error::JobError,
     resources::Budget,
 };
@@ -163,12 +163,17 @@ impl JobDescription {
                 return Err(LasError::new(mesh, problem).into());
             }
         }
-        if let Some(settings) = &self.settings.mesh
-            && let Some(path) = &settings.trajectory
-        {
+        let of_mesh = (self.settings.mesh.as_ref()).and_then(|mesh| mesh.trajectory.as_ref());
+        if let Some(path) = of_mesh.or(self.trajectory_of_transients()) {
             read_trajectory(path)?;
         }
         Ok(format)
+    }
+
+    /// The file with the way of the scanner, if points are left out by it.
+    fn trajectory_of_transients(&self) -> Option<&PathBuf> {
+        let settings = self.settings.input.transients.as_ref()?;
+        Some(&settings.trajectory)
     }
 
     /// Checks that the output does not exist, or may be replaced.
@@ -198,18 +203,22 @@ impl JobDescription {
         !self.restart && self.dir.join(PLAN_FILE).exists()
     }
 
-    /// The identity of the job: the program's version, the `inputs` as they are now, and the
-    /// settings that decide the result. Memory and threads do not.
+    /// The identity of the job: the program's version, the `inputs` as they are now, the settings that decide the
+    /// result, and the file by which points are left out. Memory and threads do not.
     pub(crate) fn identity(&self, inputs: &InputStamps) -> serde_json::Value {
         let settings = Settings {
             resources: ResourceSettings::UNSTATED,
             ..self.settings.clone()
         };
-        serde_json::json!({
+        let mut identity = serde_json::json!({
             "version": env!("CARGO_PKG_VERSION"),
             "inputs": inputs.by_name(),
             "settings": settings,
-        })
+        });
+        if let Some(trajectory) = self.trajectory_of_transients() {
+            identity["trajectory"] = serde_json::json!(Stamp::of(trajectory).ok());
+        }
+        identity
     }
 }
 

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{
     resources::{ResourceSample, StageCost},
-    stages::{InputCount, plan::JobPlan, views::ResultViews, write::Stitched},
+    stages::{InputCount, TransientCounts, plan::JobPlan, views::ResultViews, write::Stitched},
     tile_figures::TileFigures,
 };
 use crate::{
@@ -37,6 +37,8 @@ pub struct Outcome {
     pub(crate) costs: RunCosts,
     /// What became of the isolated returns.
     pub(crate) isolated: IsolatedRule,
+    /// How many points were left out because one pass saw them and others looked through, if that was asked for.
+    pub(crate) transients: Option<TransientCounts>,
     /// Facts about inputs and points that are worth a line.
     pub(crate) notes: Vec<String>,
 }

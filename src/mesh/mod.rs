@@ -32,13 +32,11 @@ mod stars;
 mod tests;
 mod triangle;
 mod turned;
-mod viewpoints;
 
 pub(crate) use figures::MeshFigures;
 pub(crate) use part::{MeshedPart, PartCorner, PartTriangle};
 pub(crate) use point::MeshPoint;
 pub(crate) use sides::{SettledSides, Sides};
-pub(crate) use viewpoints::Viewpoints;
 
 use serde::{Deserialize, Serialize};
 

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     geometry::Quantization,
-    job::{InputCount, Outcome, ReportedLevels, ResourceSample, StageCost},
+    job::{InputCount, Outcome, ReportedLevels, ResourceSample, StageCost, TransientCounts},
     quality::{DistanceFigures, DistanceSums, SpacingClass, SpacingTally, Uniformity},
     views::{DetailView, ViewerSample},
 };
@@ -40,6 +40,9 @@ pub(crate) struct Report {
     pub(super) nearest: NearestDistances,
     /// The isolated returns.
     pub(super) isolated: IsolatedReturns,
+    /// What one pass saw and others looked through, if it was left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) transients: Option<TransientCounts>,
     /// The figures of the mesh, if one was written.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) mesh: Option<MeshReport>,
@@ -292,6 +295,7 @@ impl Report {
                 histogram_output: outcome.stitched.all.histogram(BINS, SPANNED),
             },
             isolated: IsolatedReturns::of(outcome, &map),
+            transients: outcome.transients,
             mesh: (outcome.mesh.as_ref().zip(mesh))
                 .map(|(figures, file)| MeshReport::new(figures, &outcome.mesh_levels, file)),
             levels: outcome.written.levels.clone(),

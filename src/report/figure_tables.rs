@@ -4,6 +4,7 @@ use super::{
     contents::{Costs, Report},
     html::table,
     numbers::{figure, mebibytes, thousands},
+    transients,
     wording::{setting, stage_title},
 };
 use crate::quality::Uniformity;
@@ -62,6 +63,9 @@ pub(super) fn figures(report: &Report) -> String {
                 report.isolated.in_words()
             ),
         }
+        + &report.transients.map_or_else(String::new, |counts| {
+            format!("<p>passing: {}.</p>", transients::in_words(counts))
+        })
 }
 
 /// Returns the numbers of points by the spacing that is wanted there, if it varies.

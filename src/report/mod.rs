@@ -18,6 +18,7 @@ mod squares;
 mod summary;
 mod tallies;
 mod tile_map;
+mod transients;
 mod verdict;
 mod viewer;
 mod wording;

@@ -3,6 +3,7 @@
 use super::{
     contents::Report,
     numbers::{mebibytes, thousands},
+    transients,
     verdict::verdicts,
     wording::stage_title,
 };
@@ -25,6 +26,9 @@ impl Report {
         }
         if self.isolated.count > 0 {
             text += &format!("isolated  {}\n", self.isolated.in_words());
+        }
+        if let Some(counts) = self.transients {
+            text += &format!("passing   {}\n", transients::in_words(counts));
         }
         if let Some(mesh) = &self.mesh {
             text += &format!("mesh      {}\n", mesh.summary());

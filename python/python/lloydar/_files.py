@@ -71,6 +71,7 @@ class JobOptions(TypedDict, total=False):
     crs: str | PathLike | None
     reproject: str | None
     levels: Literal["all", "auto"] | None
+    transients: Literal["keep", "drop"] | None
     on_bad_file: Literal["stop", "skip"] | None
     color: Literal["nearest", "mean"] | None
     #: "class" is a word of Python: the option --class has this name.
@@ -164,6 +165,8 @@ def run(
         their middle. Lengths, `bounds` and `polygon` are in it.
     levels : {"all", "auto"}, optional
         Levels of octrees (COPC) that are read; auto: the upper ones that are dense enough for the spacing.
+    transients : {"keep", "drop"}, optional
+        What becomes of cars and people that one pass saw and others looked through; drop needs `trajectory`.
     on_bad_file : {"stop", "skip"}, optional
         What to do with inputs that cannot be read.
     color : {"nearest", "mean"}, optional
@@ -189,7 +192,8 @@ def run(
     scanner : (x, y, z) or list of (x, y, z), optional
         Places where scanners stood, towards which the mesh looks.
     trajectory : path, optional
-        Way of a moving scanner, towards which the mesh looks: a CSV file with the columns time, x, y, z.
+        Way of a moving scanner, towards which the mesh looks, and by which transients are found: a CSV file with the
+        columns time, x, y, z.
     config : path, optional
         TOML file with options; keywords win.
 
@@ -320,6 +324,7 @@ def simulate(
     passes: int = 2,
     noise: float = 0.01,
     strays: float = 0.0,
+    passing: int = 0,
     seed: int = 1,
 ) -> list[Path]:
     """Writes a simulated mobile-mapping street, one LAZ file a pass.
@@ -338,6 +343,8 @@ def simulate(
         Standard deviation of the ranges in metres.
     strays : float, default 0
         Share of the points that are strays, of class 7: rain, echoes, beams that meet two surfaces.
+    passing : int, default 0
+        Cars and people of which each is there in one pass only, of class 64.
     seed : int, default 1
         Seed of the street and of the noise.
 
@@ -352,7 +359,7 @@ def simulate(
         If no such street can be simulated.
     """
     options = {"length": length, "points": points, "passes": passes, "noise": noise}
-    options |= {"strays": strays, "seed": seed}
+    options |= {"strays": strays, "passing": passing, "seed": seed}
     words = [*_words(options), f"--output={os.fspath(output)}"]
     scans = json.loads(_call("simulate", words, [], output=os.fspath(output)))
     return [Path(path) for path, _ in scans]

@@ -18,7 +18,7 @@ pub(crate) const WRITTEN_DIRECTORY: &str = "written";
 pub(super) const DIRECTORIES: [&str; 3] = [LEVELS_DIRECTORY, UPLOAD_DIRECTORY, WRITTEN_DIRECTORY];
 
 /// Stems of the names of a job's files, without the numbers of groups and attempts.
-const STEMS: [&str; 15] = [
+const STEMS: [&str; 16] = [
     "groups",
     LEVELS_DIRECTORY,
     "handover",
@@ -33,6 +33,7 @@ const STEMS: [&str; 15] = [
     "spill",
     "starts",
     "tiles",
+    "transients",
     UPLOAD_DIRECTORY,
 ];
 

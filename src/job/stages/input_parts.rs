@@ -3,7 +3,14 @@
 use std::ops::Range;
 
 use super::survey::Survey;
-use crate::job::cluster::GROUP_LIMIT;
+use crate::{
+    job::{
+        cluster::GROUP_LIMIT,
+        error::{JobError, LeftOut},
+    },
+    las::{LasError, PointStream},
+    tile::SourceError,
+};
 
 /// Number of points in a part of an input: few enough that decoders end together, and that what is read
 /// ahead of the decoder of a remote file is not much shorter: a part takes some four million bytes.
@@ -44,6 +51,22 @@ impl InputPart {
         self.points.end - self.points.start
     }
 
+    /// Opens the part after the first `skip` of its points.
+    ///
+    /// # Errors
+    ///
+    /// See [`PointStream::open`].
+    pub(super) fn open(&self, survey: &Survey, skip: u64) -> Result<PointStream, LasError> {
+        let rest = self.points.start + skip..self.points.end;
+        PointStream::open(
+            &survey.inputs[self.input],
+            rest,
+            &survey.record,
+            survey.quantization,
+            &survey.filter,
+        )
+    }
+
     /// Divides `parts` into groups of nearly equal numbers of points. The order of the parts stays,
     /// and every process finds the same groups.
     pub(super) fn groups(parts: &[Self]) -> Vec<&[Self]> {
@@ -67,6 +90,28 @@ impl InputPart {
         }
         groups
     }
+}
+
+/// The error that names each input with a part among `failures` once, with its first reason.
+pub(super) fn bad_files(
+    survey: &Survey,
+    parts: &[InputPart],
+    failures: Vec<(usize, SourceError)>,
+) -> JobError {
+    let mut bad: Vec<LeftOut> = Vec::new();
+    for (part, error) in failures {
+        let path = &survey.inputs[parts[part].input].path;
+        let path = path.display().to_string();
+        if bad.iter().all(|known| known.path != path) {
+            let reason = match error.downcast::<LasError>() {
+                Ok(error) => error.problem,
+                Err(error) => error.to_string(),
+            };
+            bad.push(LeftOut { path, reason });
+        }
+    }
+    bad.sort_by(|a, b| a.path.cmp(&b.path));
+    JobError::BadFiles(bad)
 }
 
 #[cfg(test)]

@@ -6,18 +6,18 @@ use super::{
     mesh_source::MeshSource,
     ordered_points::{OrderedPoints, OrderingGrids},
     planned_job::PlannedJob,
+    scanner_way::scanner_way,
 };
 use crate::{
     config::MeshSettings,
-    geometry::Quantization,
+    geometry::{Quantization, Viewpoints},
     job::{
         context::RunContext,
         directory::Scratch,
         error::JobError,
         progress::{Progress, Unit},
     },
-    las::{LasError, RecordSorter, SortingSpace, StoreError, Waypoint, read_trajectory},
-    mesh::Viewpoints,
+    las::{LasError, RecordSorter, SortingSpace, StoreError},
     tile::SpillSpace,
 };
 
@@ -128,12 +128,10 @@ fn viewpoints(
     settings: &MeshSettings,
     quantization: &Quantization,
 ) -> Result<Viewpoints, JobError> {
-    let local = |place: [f64; 3]| quantization.local_of_world(place);
     if let Some(path) = &settings.trajectory {
-        let waypoint = |Waypoint { time, place }: Waypoint| (time, local(place));
-        let way = read_trajectory(path)?.into_iter().map(waypoint);
-        return Ok(Viewpoints::Way(way.collect()));
+        return Ok(Viewpoints::Moving(scanner_way(path, quantization)?));
     }
+    let local = |place: [f64; 3]| quantization.local_of_world(place);
     Ok(match settings.scanners.as_slice() {
         [] => Viewpoints::Unknown,
         places => Viewpoints::Places(places.iter().copied().map(local).collect()),

@@ -7,10 +7,10 @@ use super::{
     ordered_points::{OrderedPoints, OrderingGrids},
 };
 use crate::{
-    geometry::{Quantization, Stored},
+    geometry::{Quantization, Stored, Viewpoints},
     job::context::RunContext,
     las::{Crs, MeshHeader, MeshVertex, RealAttribute, RecordFormat, RecordView},
-    mesh::{MeshFigures, MeshedPoints, REACH_IN_SPACINGS, SettledSides, Viewpoints},
+    mesh::{MeshFigures, MeshedPoints, REACH_IN_SPACINGS, SettledSides},
     tile::TileError,
     tiling::Bounds,
 };

@@ -6,6 +6,7 @@
 //!   output        stitch ─► write ─► mesh ─► sort ─► views
 //! ```
 
+mod all_points;
 mod cell_attributes;
 mod checksums;
 pub(crate) mod cloud_header;
@@ -31,6 +32,7 @@ mod provenance;
 mod reprojection;
 mod round_spacings;
 pub(crate) mod scan_groups;
+mod scanner_way;
 pub(crate) mod scatter;
 mod scattered_cloud;
 pub(crate) mod solve;
@@ -41,7 +43,9 @@ pub(crate) mod survey;
 mod tile_costs;
 pub(crate) mod tile_solver;
 pub(crate) mod transfer;
+mod transients;
 pub(crate) mod views;
 pub(crate) mod write;
 
 pub(crate) use input_counts::InputCount;
+pub(crate) use transients::TransientCounts;

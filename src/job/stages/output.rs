@@ -9,6 +9,7 @@ use super::{
     stitch::stitch,
     stitchers::Stitchers,
     tile_solver::TileSolver,
+    transients::TransientCounts,
     views::ResultViews,
     write::{Measured, measure_tiles},
 };
@@ -171,6 +172,7 @@ pub(crate) fn complete_output(
         views,
         costs: RunCosts::default(),
         isolated: run.job.settings.solver.isolated,
+        transients: TransientCounts::read(&run.job.dir),
         notes: notes.collect(),
     };
     let cloud = complete;

@@ -6,10 +6,11 @@ use std::path::Path;
 
 use super::{
     checksums::begin_checksums,
-    input_parts::InputPart,
+    input_parts::{InputPart, bad_files},
     scan_groups::{POINTS, ScanGroups, open_spill, single_spill},
     survey::Survey,
     transfer::Transfer,
+    transients::{WithoutTransients, find_transients, is_searched},
 };
 use crate::{
     job::{
@@ -19,11 +20,12 @@ use crate::{
         error::{JobError, LeftOut},
         progress::{Progress, Unit},
     },
-    las::{LasError, PointCounts, PointStream},
+    las::{PointCounts, PointStream},
     lloyd::Thinning,
     spacing::Target,
     tile::{Opener, ScatterOptions, Source, SourceError, Spill, Storage, TileError, scatter_into},
     tiling::CellGrid,
+    transients::TransientVoxels,
 };
 
 /// Bytes that are spilled between checkpoints: a scatter that is killed loses as many.
@@ -90,7 +92,8 @@ pub(super) fn scatter_readable(
                     run.progress.note(&note);
                 }
                 survey = survey.without(bad)?;
-                directory.forget(|name| name.starts_with("spill"));
+                directory
+                    .forget(|name| name.starts_with("spill") || name.starts_with("transients"));
                 directory.write(LEFT_OUT_FILE, &survey.left_out)?;
             }
             other => return Ok((survey, other?)),
@@ -152,7 +155,7 @@ impl Scatter<'_> {
         let parts = InputPart::all(self.survey);
 
         // Scatter what is not in a spill.
-        let is_shared = !Claim::all(&POINTS, self.dir())?.is_empty();
+        let is_shared = !Claim::all(&POINTS, self.dir())?.is_empty() || is_searched(self.dir())?;
         let spill = if is_shared || Spill::is_complete(&single_spill(self.dir())) {
             if is_shared {
                 self.share(worker)?;
@@ -160,9 +163,11 @@ impl Scatter<'_> {
             open_spill(self.dir())?
         } else {
             let points = InputPart::points_in(&parts);
+            let transients = find_transients(self.run, self.survey, None)?;
             self.run.progress.begin("scatter", points, 0, Unit::Points);
             let memory_bytes = self.memory_bytes(points);
-            let spill = self.spill(&parts, &single_spill(self.dir()), memory_bytes)?;
+            let stem = single_spill(self.dir());
+            let spill = self.spill(&parts, transients.as_ref(), &stem, memory_bytes)?;
             self.run.progress.end();
             spill
         };
@@ -210,12 +215,13 @@ impl Scatter<'_> {
         let points_of = |group| groups.get(group).map_or(0, |&g| InputPart::points_in(g));
         let done = complete.map(|claim| points_of(claim.group)).sum();
         let points = InputPart::points_in(&parts);
+        let transients = find_transients(run, self.survey, Some(worker))?;
         run.progress.begin("scatter", points, done, Unit::Points);
 
         // Scatter one free group after the other.
         let leaves_to_others = run.job.skip_bad_files && !worker.waits_for_others;
         let given_up = worker.share(&POINTS, dir, count, run.cancel, |claim, _| {
-            match self.spill(groups[claim.group], &claim.stem, 0) {
+            match self.spill(groups[claim.group], transients.as_ref(), &claim.stem, 0) {
                 Err(error @ JobError::BadFiles(_)) if leaves_to_others => {
                     run.progress.note(&error.to_string());
                     Ok(false)
@@ -253,11 +259,12 @@ impl Scatter<'_> {
         })
     }
 
-    /// Brings `parts` to the spill at `stem`, and continues where an earlier run stopped. At most
+    /// Brings `parts`, without `transients`, to the spill at `stem`, and continues where an earlier run stopped. At most
     /// `memory_bytes` of points stay in memory.
     fn spill(
         &self,
         parts: &[InputPart],
+        transients: Option<&TransientVoxels>,
         stem: &Path,
         memory_bytes: u64,
     ) -> Result<Spill, JobError> {
@@ -273,12 +280,16 @@ impl Scatter<'_> {
                     for next in parts[index + 1..].iter().take(decoders) {
                         survey.inputs[next.input].prefetch(&next.points);
                     }
-                    let rest = part.points.start + skip..part.points.end;
-                    let input = &survey.inputs[part.input];
-                    let (record, quantization) = (&survey.record, survey.quantization);
-                    let stream =
-                        PointStream::open(input, rest, record, quantization, &survey.filter)?;
-                    Ok(Box::new(stream) as Box<dyn Source>)
+                    let stream = part.open(survey, skip)?;
+                    Ok(match transients {
+                        None => Box::new(stream) as Box<dyn Source>,
+                        Some(transients) => Box::new(WithoutTransients {
+                            source: stream,
+                            transients,
+                            quantization: survey.quantization,
+                            record_length: survey.record.record_length(),
+                        }),
+                    })
                 };
                 Box::new(open) as Opener<'_>
             })
@@ -325,26 +336,4 @@ impl Scatter<'_> {
     fn dir(&self) -> &Path {
         &self.run.job.dir
     }
-}
-
-/// The error that names each input with a part among `failures` once, with its first reason.
-fn bad_files(
-    survey: &Survey,
-    parts: &[InputPart],
-    failures: Vec<(usize, SourceError)>,
-) -> JobError {
-    let mut bad: Vec<LeftOut> = Vec::new();
-    for (part, error) in failures {
-        let path = &survey.inputs[parts[part].input].path;
-        let path = path.display().to_string();
-        if bad.iter().all(|known| known.path != path) {
-            let reason = match error.downcast::<LasError>() {
-                Ok(error) => error.problem,
-                Err(error) => error.to_string(),
-            };
-            bad.push(LeftOut { path, reason });
-        }
-    }
-    bad.sort_by(|a, b| a.path.cmp(&b.path));
-    JobError::BadFiles(bad)
 }

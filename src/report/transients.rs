@@ -1,0 +1,16 @@
+//! What one pass of the scanner saw and others looked through, in words.
+
+use super::numbers::thousands;
+use crate::job::TransientCounts;
+
+/// Returns how much of it was left out.
+pub(super) fn in_words(counts: TransientCounts) -> String {
+    match counts.things {
+        0 => "nothing was seen by one pass that others looked through".to_owned(),
+        things => format!(
+            "{} points of {} things that one pass saw and others looked through, left out",
+            thousands(counts.points),
+            thousands(things)
+        ),
+    }
+}
