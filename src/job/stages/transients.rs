@@ -137,8 +137,8 @@ struct Sightings {
     points: u64,
     /// The points that were seen during the way of the scanner.
     on_way: u64,
-    /// The least distance of the scanner from a point when it saw it.
-    nearest: f64,
+    /// The points among these that the scanner can have seen from where it was.
+    in_range: u64,
     /// The first and the last time of a point (s).
     times: [f64; 2],
 }
@@ -149,7 +149,7 @@ impl Sightings {
             visits: Visits::new(grid),
             points: 0,
             on_way: 0,
-            nearest: f64::INFINITY,
+            in_range: 0,
             times: [f64::INFINITY, f64::NEG_INFINITY],
         }
     }
@@ -159,7 +159,7 @@ impl Sightings {
         self.visits.take(&mut other.visits);
         self.points += std::mem::take(&mut other.points);
         self.on_way += std::mem::take(&mut other.on_way);
-        self.nearest = self.nearest.min(other.nearest);
+        self.in_range += std::mem::take(&mut other.in_range);
         let [first, last] = other.times;
         self.times = [self.times[0].min(first), self.times[1].max(last)];
     }
@@ -205,13 +205,14 @@ impl<'a> Search<'a> {
             all.take(own);
             all.visits.bytes() <= limit
         };
+        let range = SightLine::largest_range(self.grid);
         let begin = || Sightings::new(self.grid);
         let take = |own: &mut Sightings, points: &mut dyn Iterator<Item = (Local, f64)>| {
             for (place, time) in points {
                 own.points += 1;
                 if let Some(scanner) = self.way.at(time) {
                     own.on_way += 1;
-                    own.nearest = own.nearest.min((place - scanner).norm());
+                    own.in_range += u64::from((place - scanner).norm() <= range);
                 }
                 own.times = [own.times[0].min(time), own.times[1].max(time)];
                 own.visits.add(place, self.moment(time));
@@ -245,7 +246,7 @@ impl<'a> Search<'a> {
         let Sightings {
             points,
             on_way,
-            nearest,
+            in_range,
             times: [first, last],
             ..
         } = *sightings;
@@ -257,10 +258,12 @@ impl<'a> Search<'a> {
                  as adjusted standard time"
             )));
         }
-        if points > 0 && nearest > SightLine::largest_range(self.grid) {
+        if 2 * in_range < on_way {
             return Err(JobError::Refused(format!(
-                "the scanner was never nearer than {nearest:.0} units to what it saw: the trajectory has to be in the CRS of the \
-                 inputs, or in that of --reproject"
+                "{:.0} % of the points are farther than {:.0} units from where the scanner was when it saw them: the \
+                 trajectory has to be in the CRS of the inputs, or in that of --reproject",
+                100.0 * (1.0 - in_range as f64 / on_way as f64),
+                SightLine::largest_range(self.grid)
             )));
         }
         if 2 * on_way < points {
