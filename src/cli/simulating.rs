@@ -8,7 +8,7 @@ use super::{exit::DONE, printing::result};
 use crate::{
     config::Count,
     geometry::Quantization,
-    job::JobError,
+    job::{JobError, write_file},
     las::{CloudHeader, CloudWriter, Crs, Format, RecordFormat, RecordView, standard_length},
     report::thousands,
     simulate::{SimulatedPoint, Street, StreetOptions},
@@ -80,22 +80,12 @@ pub(super) fn write_simulation(
     let scans = write_street(&street, output)?;
     let path = output.join(STREET_FILE);
     let text = serde_json::to_string_pretty(street.options()).unwrap_or_default();
-    write_text(&path, &text)?;
+    write_file(&path, text.as_bytes())?;
     let line = |(time, [x, y, z]): (f64, [f64; 3])| format!("{time:.3},{x:.4},{y:.4},{z:.4}\n");
     let lines: String = street.way().into_iter().map(line).collect();
-    write_text(
-        &output.join(TRAJECTORY_FILE),
-        &format!("time,x,y,z\n{lines}"),
-    )?;
+    let text = format!("time,x,y,z\n{lines}");
+    write_file(&output.join(TRAJECTORY_FILE), text.as_bytes())?;
     Ok(scans)
-}
-
-fn write_text(path: &Path, text: &str) -> Result<(), JobError> {
-    std::fs::write(path, text).map_err(|source| JobError::Io {
-        action: "write",
-        path: path.display().to_string(),
-        source,
-    })
 }
 
 /// The name of the file beside the scans that describes their street.

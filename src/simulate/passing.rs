@@ -81,15 +81,8 @@ impl AllPassing {
             along > -REACH && along < range + REACH && across < REACH * REACH
         };
         let near = self.0.iter().filter(|passing| passing.pass == pass);
-        let shapes = near.filter(is_near_the_ray).flat_map(|p| &p.solids.0);
-        let hits = shapes.filter_map(|(shape, material)| {
-            let (range, normal) = shape.hit(origin, direction)?;
-            Some(Hit {
-                range,
-                normal,
-                material: *material,
-            })
-        });
+        let solids = near.filter(is_near_the_ray).flat_map(|p| &p.solids.0);
+        let hits = solids.filter_map(|solid| Hit::of(solid, origin, direction));
         let within = hits.filter(|hit| hit.range < range);
         within.min_by(|a, b| a.range.total_cmp(&b.range))
     }

@@ -50,6 +50,22 @@ pub(super) struct Hit {
     pub(super) material: Material,
 }
 
+impl Hit {
+    /// Returns where the ray meets the surface of this shape and material, if it does.
+    pub(super) fn of(
+        (shape, material): &(Shape, Material),
+        origin: Local,
+        direction: Local,
+    ) -> Option<Self> {
+        let (range, normal) = shape.hit(origin, direction)?;
+        Some(Self {
+            range,
+            normal,
+            material: *material,
+        })
+    }
+}
+
 /// Surfaces in the order in which they were built.
 #[derive(Debug, Default)]
 pub(super) struct Solids(pub(super) Vec<(Shape, Material)>);

@@ -119,15 +119,10 @@ impl Street {
         let mut walk = BinWalk::new(origin, direction);
         while walk.entered < range && first.is_none_or(|hit| walk.entered <= hit.range) {
             for &number in self.bins.bin(walk.bin) {
-                let (shape, material) = &self.solids.0[number as usize];
-                if let Some((t, normal)) = shape.hit(origin, direction)
-                    && t < first.map_or(range, |hit| hit.range)
+                if let Some(hit) = Hit::of(&self.solids.0[number as usize], origin, direction)
+                    && hit.range < first.map_or(range, |hit| hit.range)
                 {
-                    first = Some(Hit {
-                        range: t,
-                        normal,
-                        material: *material,
-                    });
+                    first = Some(hit);
                 }
             }
             walk.advance();

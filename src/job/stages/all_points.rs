@@ -73,7 +73,7 @@ impl<'a> AllPoints<'a> {
                 {
                     let mut failures = failures.lock().unwrap_or_else(PoisonError::into_inner);
                     failures.push((index, error));
-                    // Then the error names all files that fail, not only the first.
+                    // If bad files are left out, the others are still read, so that the error names all that fail.
                     is_over.fetch_or(!run.job.skip_bad_files, Ordering::Relaxed);
                 }
             }
