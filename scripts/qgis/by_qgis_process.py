@@ -81,6 +81,18 @@ def runs(scan: Path, spacing: str, name: str) -> None:
     print(f"{name}: measured (delta {figures['uniformity']['delta']:.4f}), drawn, and its header listed")
 
 
+def drops_what_has_gone() -> None:
+    """Scans of two passes, and the way of the scanner."""
+    out, by_hand, way = WORK / "still.laz", WORK / "still.by-hand.laz", SCANS / "trajectory.csv"
+    run("resample", INPUT=str(SCANS), SPACING="0.2", TRANSIENTS="drop", TRAJECTORY=str(way), OUTPUT=str(out))
+    words = ["run", SCANS, "--spacing=0.2", "--transients=drop", f"--trajectory={way}", "-o", by_hand, "--quiet"]
+    subprocess.run([PROGRAM, *words], check=True)
+    assert out.read_bytes() == by_hand.read_bytes(), "the plug-in and the program give the same bytes"
+    counts = json.loads(Path(f"{out}.report.json").read_text())["transients"]
+    assert counts["things"] > 0, counts
+    print(f"{counts['points']} points of {counts['things']} things that have gone left out")
+
+
 def stops_and_continues() -> None:
     """Interrupt ``qgis_process`` as Ctrl-C does, while it solves tiles."""
     common = {"INPUT": str(SCANS), "SPACING": "0.08", "MEMORY": "256MiB"}
@@ -120,6 +132,7 @@ def says_what_is_wrong() -> None:
     assert "one of spacing, count and ratio" in run(
         "resample", code=1, INPUT=str(SCANS), SPACING="1", COUNT="5", OUTPUT=out
     )
+    assert "give a trajectory" in run("resample", code=1, INPUT=str(SCANS), SPACING="1", TRANSIENTS="drop", OUTPUT=out)
     broken = WORK / "broken.laz"
     broken.write_text("no scan")
     text = executor("run", "lloydar:info", "--", f"INPUT={broken}", f"INPUT={SCANS}")
@@ -165,6 +178,7 @@ def runs_on_real_scans() -> None:
 
 lists_and_helps()
 runs(SCANS, "0.2", "street")
+drops_what_has_gone()
 stops_and_continues()
 says_what_is_wrong()
 runs_on_real_scans()

@@ -23,6 +23,7 @@ from qgis.PyQt.QtGui import QIcon
 from .command_lines import (
     ValueProblem,
     command_line,
+    conflict,
     figures_of_job,
     figures_of_measure,
     header_sentences,
@@ -31,7 +32,7 @@ from .command_lines import (
     report_path,
     shown,
 )
-from .descriptions import ONE_OF, Algorithm, help_page
+from .descriptions import Algorithm, help_page
 from .enumerations import HINT_MESH, HINT_POINT_CLOUD
 from .log import Log
 from .parameters import qgis_parameter, value_of
@@ -96,8 +97,9 @@ class LloydarAlgorithm(QgsProcessingAlgorithm):
         self, parameters: dict[str, Any], context: QgsProcessingContext
     ) -> tuple[bool, str]:
         """Return whether the values go together, and if not, why."""
-        if sum(1 for name in ONE_OF if parameters.get(name) not in (None, "")) > 1:
-            return False, "Give one of spacing, count and ratio, not more."
+        problem = conflict(self._description, parameters)
+        if problem:
+            return False, problem
         return super().checkParameterValues(parameters, context)
 
     def processAlgorithm(  # noqa: N802

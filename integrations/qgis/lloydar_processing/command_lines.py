@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from .descriptions import ONE_OF, Algorithm, Parameter
+from .descriptions import ONE_OF, RESAMPLE, Algorithm, Parameter
 
 
 class ValueProblem(Exception):
@@ -24,9 +24,9 @@ def command_line(algorithm: Algorithm, values: Mapping[str, Any]) -> list[str]:
     `values` has texts, numbers, truth values and lists of texts by the names of parameters; None and "" stand for
     a value that is not given, and become no option.
     """
-    given = [name for name in ONE_OF if is_given(values.get(name))]
-    if len(given) > 1:
-        raise ValueProblem(f"Give one of spacing, count and ratio, not {len(given)} of them.")
+    problem = conflict(algorithm, values)
+    if problem:
+        raise ValueProblem(problem)
     words = [algorithm.command]
     if algorithm.command == "run":
         # A dialog for the output's name has asked before an existing file is replaced.
@@ -43,6 +43,20 @@ def command_line(algorithm: Algorithm, values: Mapping[str, Any]) -> list[str]:
         raise ValueProblem("No scans are given.")
     # Behind "--" a file may have any name.
     return [*words, "--", *inputs]
+
+
+def conflict(algorithm: Algorithm, values: Mapping[str, Any]) -> str:
+    """Return why values do not go together, or "" if they do."""
+    given = [name for name in ONE_OF if values.get(name)]
+    if len(given) > 1:
+        return f"Give one of spacing, count and ratio, not {len(given)} of them."
+    drops = values.get("TRANSIENTS") == "drop"
+    trajectory = values.get("TRAJECTORY")
+    if drops and not trajectory:
+        return "Cars and people that have gone are found by the way of the scanner: give a trajectory."
+    if algorithm is RESAMPLE and trajectory and not drops:
+        return "The trajectory is for cars and people that have gone: choose to drop them, or give no trajectory."
+    return ""
 
 
 def is_given(value: Any) -> bool:

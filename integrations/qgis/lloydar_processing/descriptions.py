@@ -184,6 +184,27 @@ SOLVER = (
         advanced=True,
     ),
 )
+TRANSIENTS = Parameter(
+    "TRANSIENTS",
+    "choice",
+    "Cars and people that have gone",
+    "What one pass of a mobile survey saw and other passes looked through: keep it, or drop it. To drop it needs scans "
+    "with GPS times, and the trajectory.",
+    "--transients",
+    default="keep",
+    choices=("keep", "drop"),
+    advanced=True,
+)
+TRAJECTORY = Parameter(
+    "TRAJECTORY",
+    "file",
+    "Trajectory",
+    "CSV file with the columns time, x, y, z of a moving scanner: GPS time in seconds, units of the CRS. Cars and "
+    "people that have gone are found by it, and a mesh looks towards it.",
+    "--trajectory",
+    advanced=True,
+    filter="CSV (*.csv *.txt)",
+)
 RESOURCES = (
     Parameter(
         "MEMORY",
@@ -247,7 +268,7 @@ RESAMPLE = Algorithm(
     "Resample to even points",
     "run",
     "Moves the points of laser scans to even positions on the scanned surfaces, within a memory budget. " + RESUMING,
-    (INPUT, *DENSITY, *SELECTION, *SOLVER, *RESOURCES, LOAD, CLOUD),
+    (INPUT, *DENSITY, *SELECTION, *SOLVER, TRANSIENTS, TRAJECTORY, *RESOURCES, LOAD, CLOUD),
     JOB_FIGURES,
     ("thin", "decimate", "subsample", "uniform", "lidar", "point cloud", "poisson", "spacing"),
 )
@@ -262,6 +283,7 @@ MESH = Algorithm(
         *DENSITY,
         *SELECTION,
         *SOLVER,
+        TRANSIENTS,
         Parameter(
             "MESH_OF",
             "choice",
@@ -281,15 +303,7 @@ MESH = Algorithm(
             "--scanner",
             advanced=True,
         ),
-        Parameter(
-            "TRAJECTORY",
-            "file",
-            "Trajectory",
-            "CSV file with the columns time, x, y, z of a moving scanner: GPS time in seconds, units of the CRS.",
-            "--trajectory",
-            advanced=True,
-            filter="CSV (*.csv *.txt)",
-        ),
+        TRAJECTORY,
         *RESOURCES,
         LOAD,
         CLOUD,

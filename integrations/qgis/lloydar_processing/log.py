@@ -13,6 +13,8 @@ from typing import Any
 
 #: What stages are called in sentences. Names that are not here are shown as they are.
 STAGES = {
+    "visits": "Finding when every place was seen",
+    "sight lines": "Following sight lines",
     "scatter": "Reading the scans",
     "start": "Solving tiles, first half",
     "solve": "Solving tiles",

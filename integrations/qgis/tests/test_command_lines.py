@@ -47,6 +47,15 @@ def test_every_kind_of_value_becomes_an_option() -> None:
     assert "'a b.laz'" in shown(words)
 
 
+def test_what_has_gone_is_found_by_a_trajectory_towards_which_a_mesh_looks_anyway() -> None:
+    values = {"INPUT": ["a.laz"], "OUTPUT": "out.laz", "TRANSIENTS": "drop", "TRAJECTORY": "my way.csv"}
+    for algorithm in (RESAMPLE, MESH):
+        words = command_line(algorithm, values)
+        assert "--transients=drop" in words and "--trajectory=my way.csv" in words
+    words = command_line(MESH, {**values, "TRANSIENTS": "keep"})
+    assert "--trajectory=my way.csv" in words and not any(word.startswith("--transients") for word in words)
+
+
 def test_files_to_compare_with_end_before_the_cloud() -> None:
     words = command_line(MEASURE, {"INPUT": ["even.laz"], "AGAINST": ["a.laz", "b.laz"], "OUTPUT": "f.json"})
     assert words == ["measure", "--json", "--against", "a.laz", "b.laz", "--", "even.laz"]
@@ -60,6 +69,8 @@ def test_files_to_compare_with_end_before_the_cloud() -> None:
     [
         ({"INPUT": []}, "No scans"),
         ({"INPUT": ["a"], "SPACING": "1", "COUNT": "5"}, "one of spacing"),
+        ({"INPUT": ["a"], "TRANSIENTS": "drop", "TRAJECTORY": ""}, "give a trajectory"),
+        ({"INPUT": ["a"], "TRANSIENTS": "keep", "TRAJECTORY": "way.csv"}, "or give no trajectory"),
         ({"INPUT": ["a"], "OPTIONS": "--crs 'x"}, "quotation"),
         ({"INPUT": ["a"], "OPTIONS": "--output=b"}, "cannot be given"),
         ({"INPUT": ["a"], "OPTIONS": "-- b"}, "cannot be given"),

@@ -14,13 +14,13 @@ PLUGIN = Path(__file__).parents[1] / "lloydar_processing"
 
 JOB = (
     "INPUT:files SPACING:text COUNT:text RATIO:text KEEP_CLASS:text DROP_CLASS:text EXTENT:extent POLYGON:file "
-    "SMOOTH:text FILL:text ISOLATED:choice COLOR:choice CLASS:choice ATTRIBUTES:choices "
+    "SMOOTH:text FILL:text ISOLATED:choice COLOR:choice CLASS:choice ATTRIBUTES:choices TRANSIENTS:choice "
 )
 REST = "MEMORY:text THREADS:integer OPTIONS:text RESTART:switch LOAD:switch OUTPUT:output"
 
 #: What users may rely on. Lines may get longer, by optional parameters; nothing here may change.
 FROZEN = {
-    "lloydar:resample": JOB + REST,
+    "lloydar:resample": JOB + "TRAJECTORY:file " + REST,
     "lloydar:mesh": JOB + "MESH_OF:choice SCANNER:text TRAJECTORY:file " + REST + " MESH:output",
     "lloydar:measure": "INPUT:files AGAINST:files MEMORY:text OUTPUT:output",
     "lloydar:render": "INPUT:files VIEW:choice BY:choice SIZE:text POINT_SIZE:text OUTPUT:output",
@@ -31,6 +31,7 @@ FROZEN_CHOICES = {
     "COLOR": ("nearest", "mean"),
     "CLASS": ("nearest", "majority"),
     "ATTRIBUTES": ("normals", "curvature", "area", "density", "distance", "spacing"),
+    "TRANSIENTS": ("keep", "drop"),
     "MESH_OF": ("surfaces", "all"),
     "VIEW": ("top", "oblique", "street"),
     "BY": ("auto", "height", "intensity", "class"),
@@ -70,7 +71,7 @@ def test_words_of_choices_are_frozen_and_only_old_parameters_are_required(
 @pytest.mark.parametrize(("algorithm", "parameter"), PARAMETERS)
 def test_help_is_a_sentence_and_lengths_have_a_unit(algorithm: Algorithm, parameter: Parameter) -> None:
     assert parameter.help[-1] in ".3" and len(parameter.help) > 20, parameter.help
-    if parameter.name in ("SPACING", "SMOOTH", "FILL", "EXTENT", "POINT_SIZE", "SCANNER", "ATTRIBUTES"):
+    if parameter.name in ("SPACING", "SMOOTH", "FILL", "EXTENT", "POINT_SIZE", "SCANNER", "TRAJECTORY", "ATTRIBUTES"):
         assert re.search("unit", parameter.help)
     assert parameter.help in help_page(algorithm)
 
