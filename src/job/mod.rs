@@ -45,4 +45,4 @@ pub(crate) use placement::Placement;
 pub use progress::{Progress, Quiet, Standing, Unit};
 pub use request::Job;
 pub(crate) use resources::{ResourceSample, StageCost};
-pub(crate) use stages::{InputCount, TransientCounts, plan::JobPlan};
+pub(crate) use stages::{InputCount, plan::JobPlan};

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{
     resources::{ResourceSample, StageCost},
-    stages::{InputCount, TransientCounts, plan::JobPlan, views::ResultViews, write::Stitched},
+    stages::{InputCount, plan::JobPlan, views::ResultViews, write::Stitched},
     tile_figures::TileFigures,
 };
 use crate::{
@@ -12,6 +12,7 @@ use crate::{
     lloyd::IsolatedRule,
     mesh::MeshFigures,
     quality::{Uniformity, UniformityTally},
+    transients::TransientCounts,
 };
 
 /// The outcome of a job.

@@ -8,8 +8,9 @@ use super::{
 };
 use crate::{
     geometry::Quantization,
-    job::{InputCount, Outcome, ReportedLevels, ResourceSample, StageCost, TransientCounts},
+    job::{InputCount, Outcome, ReportedLevels, ResourceSample, StageCost},
     quality::{DistanceFigures, DistanceSums, SpacingClass, SpacingTally, Uniformity},
+    transients::TransientCounts,
     views::{DetailView, ViewerSample},
 };
 

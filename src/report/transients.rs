@@ -1,7 +1,7 @@
 //! What one pass of the scanner saw and others looked through, in words.
 
 use super::numbers::thousands;
-use crate::job::TransientCounts;
+use crate::transients::TransientCounts;
 
 /// Returns how much of it was left out.
 pub(super) fn in_words(counts: TransientCounts) -> String {

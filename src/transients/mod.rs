@@ -23,6 +23,6 @@ mod voxel;
 
 pub(crate) use doubtful::DoubtfulVoxels;
 pub(crate) use sight_line::SightLine;
-pub(crate) use verdict::TransientVoxels;
+pub(crate) use verdict::{TransientCounts, TransientVoxels};
 pub(crate) use visits::{Moment, Visits};
 pub(crate) use voxel::{VOXEL_EDGE, VoxelGrid};

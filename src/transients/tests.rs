@@ -78,8 +78,11 @@ fn a_car_that_one_pass_saw_is_found_and_nothing_else() {
             .iter()
             .any(|seen| !of_car(&seen) && transients.contain(seen.point))
     );
-    assert_eq!(transients.things, 1);
-    assert_eq!(transients.points, both.iter().filter(of_car).count() as u64);
+    assert_eq!(transients.counts.things, 1);
+    assert_eq!(
+        transients.counts.points,
+        both.iter().filter(of_car).count() as u64
+    );
 
     // Neither the order of the points nor the way to the disk and back shows.
     let backwards: Vec<Seen> = both.iter().rev().copied().collect();
@@ -95,7 +98,7 @@ fn a_car_that_one_pass_saw_is_found_and_nothing_else() {
 
     // A second pass a moment later is one with the first.
     let soon = pass(LONGEST_VISIT / 2.0, 100_000, |_, _, _| false);
-    assert_eq!(found(&[first, soon].concat()).things, 0);
+    assert_eq!(found(&[first, soon].concat()).counts.things, 0);
 }
 
 #[test]
@@ -104,7 +107,7 @@ fn what_is_there_stays() {
         let first = pass(0.0, first, is_hit);
         let second = pass(1000.0, second, is_hit);
         assert!(first.iter().any(|seen| seen.point.y < 9.0));
-        found(&[first, second].concat()).things == 0
+        found(&[first, second].concat()).counts.things == 0
     };
     // A car that parks.
     assert!(stays(&|x, z, _| is_car(x, z), 100_000, 100_000));
@@ -123,7 +126,7 @@ fn what_is_there_stays() {
             seen.point.z / 2.0 + 1.0,
         )
     });
-    assert_eq!(found(&[first, second].concat()).things, 0);
+    assert_eq!(found(&[first, second].concat()).counts.things, 0);
 }
 
 #[test]

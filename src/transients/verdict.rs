@@ -2,6 +2,8 @@
 
 use std::sync::atomic::Ordering;
 
+use serde::Serialize;
+
 use super::{
     doubtful::DoubtfulVoxels,
     voxel::{Voxel, VoxelGrid, VoxelMap, around},
@@ -21,15 +23,21 @@ const FEWEST_VOXELS: usize = 8;
 /// says little about gaps.
 const PRIOR_GAPS: f64 = 2.0;
 
+/// How much one visit saw and others looked through.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub(crate) struct TransientCounts {
+    /// The number of points.
+    pub(crate) points: u64,
+    /// The number of things that they are of, each of which hangs together.
+    pub(crate) things: u64,
+}
+
 /// The voxels of what one visit saw and others looked through.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct TransientVoxels {
     grid: VoxelGrid,
+    pub(crate) counts: TransientCounts,
     voxels: VoxelMap<()>,
-    /// The number of things that hang together.
-    pub(crate) things: u64,
-    /// The number of points in the voxels.
-    pub(crate) points: u64,
 }
 
 /// The doubtful voxels as a graph: those are neighbours that share a face, an edge or a corner.
@@ -102,12 +110,21 @@ impl DoubtfulVoxels {
         let transient = transient.filter(|(_, is)| **is).map(|(visit, _)| visit);
         TransientVoxels {
             grid: self.grid(),
-            points: (transient.clone())
-                .map(|visit| u64::from(visit.points))
-                .sum(),
+            counts: TransientCounts {
+                points: (transient.clone())
+                    .map(|visit| u64::from(visit.points))
+                    .sum(),
+                things,
+            },
             voxels: transient.map(|visit| (visit.voxel, ())).collect(),
-            things,
         }
+    }
+}
+
+impl TransientCounts {
+    /// Reads the counts from what [`TransientVoxels::to_bytes`] returns, and no voxels; `None` for other bytes.
+    pub(crate) fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        TransientVoxels::parts(bytes).map(|(_, counts, _)| counts)
     }
 }
 
@@ -115,7 +132,7 @@ impl TransientVoxels {
     /// All this as bytes: edge, numbers of things and points, voxels.
     pub(crate) fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = self.grid.edge.to_le_bytes().to_vec();
-        let numbers = [self.things, self.points];
+        let numbers = [self.counts.things, self.counts.points];
         bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
         let mut voxels: Vec<&Voxel> = self.voxels.keys().collect();
         voxels.sort_unstable();
@@ -125,10 +142,7 @@ impl TransientVoxels {
 
     /// Reads what [`Self::to_bytes`] returns; `None` for other bytes.
     pub(crate) fn from_bytes(bytes: &[u8]) -> Option<Self> {
-        let (numbers, voxels) = bytes.split_at_checked(24)?;
-        let (&[edge, things, points], []) = numbers.as_chunks::<8>() else {
-            return None;
-        };
+        let (grid, counts, voxels) = Self::parts(bytes)?;
         let (coordinates, []) = voxels.as_chunks::<4>() else {
             return None;
         };
@@ -136,15 +150,28 @@ impl TransientVoxels {
             return None;
         };
         Some(Self {
-            grid: VoxelGrid {
-                edge: f64::from_le_bytes(edge),
-            },
-            things: u64::from_le_bytes(things),
-            points: u64::from_le_bytes(points),
+            grid,
+            counts,
             voxels: (voxels.iter())
                 .map(|voxel| (voxel.map(i32::from_le_bytes), ()))
                 .collect(),
         })
+    }
+
+    /// Divides what [`Self::to_bytes`] returns; `None` for fewer bytes than that.
+    fn parts(bytes: &[u8]) -> Option<(VoxelGrid, TransientCounts, &[u8])> {
+        let (numbers, voxels) = bytes.split_at_checked(24)?;
+        let (&[edge, things, points], []) = numbers.as_chunks::<8>() else {
+            return None;
+        };
+        let grid = VoxelGrid {
+            edge: f64::from_le_bytes(edge),
+        };
+        let counts = TransientCounts {
+            points: u64::from_le_bytes(points),
+            things: u64::from_le_bytes(things),
+        };
+        Some((grid, counts, voxels))
     }
 
     /// Whether the point at `place` (local coordinates) is of what has gone.

@@ -48,4 +48,3 @@ pub(crate) mod views;
 pub(crate) mod write;
 
 pub(crate) use input_counts::InputCount;
-pub(crate) use transients::TransientCounts;

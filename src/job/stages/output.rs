@@ -9,7 +9,7 @@ use super::{
     stitch::stitch,
     stitchers::Stitchers,
     tile_solver::TileSolver,
-    transients::TransientCounts,
+    transients::transient_counts,
     views::ResultViews,
     write::{Measured, measure_tiles},
 };
@@ -172,7 +172,7 @@ pub(crate) fn complete_output(
         views,
         costs: RunCosts::default(),
         isolated: run.job.settings.solver.isolated,
-        transients: TransientCounts::read(&run.job.dir),
+        transients: transient_counts(&run.job.dir),
         notes: notes.collect(),
     };
     let cloud = complete;

@@ -9,8 +9,6 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-use serde::Serialize;
-
 use super::{all_points::AllPoints, scanner_way::scanner_way, survey::Survey};
 use crate::{
     config::TransientSettings,
@@ -25,7 +23,9 @@ use crate::{
     },
     las::{PointCounts, PointStream},
     tile::{Source, SourceError, read_checksummed},
-    transients::{DoubtfulVoxels, Moment, SightLine, TransientVoxels, Visits, VoxelGrid},
+    transients::{
+        DoubtfulVoxels, Moment, SightLine, TransientCounts, TransientVoxels, Visits, VoxelGrid,
+    },
 };
 
 /// The work of finding transients, which one process does for all.
@@ -44,30 +44,19 @@ const VOXELS_OF_A_THREAD: usize = 1 << 16;
 /// The share of the memory that what is known of voxels may take; decoders have the rest.
 const VOXEL_SHARE: f64 = 0.6;
 
-/// How many points were left out because one pass saw them and others looked through.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub(crate) struct TransientCounts {
-    /// The number of points.
-    pub(crate) points: u64,
-    /// The number of things that they are of.
-    pub(crate) things: u64,
-}
-
-impl TransientCounts {
-    /// Reads how many the job in the directory `dir` has found; `None` if it looked for none.
-    pub(crate) fn read(dir: &Path) -> Option<Self> {
-        let found = found_in(dir)?;
-        Some(Self {
-            points: found.points,
-            things: found.things,
-        })
-    }
+/// Reads how much was found in the job directory `dir`; `None` if the job looked for nothing.
+pub(super) fn transient_counts(dir: &Path) -> Option<TransientCounts> {
+    TransientCounts::from_bytes(&found_bytes(dir)?)
 }
 
 /// What was found in the job directory `dir`, if the search is complete.
 fn found_in(dir: &Path) -> Option<TransientVoxels> {
-    let content = read_checksummed(&dir.join(TRANSIENTS_FILE)).ok()??;
-    TransientVoxels::from_bytes(&content)
+    TransientVoxels::from_bytes(&found_bytes(dir)?)
+}
+
+/// The content of the file that contains what was found, if the search is complete.
+fn found_bytes(dir: &Path) -> Option<Vec<u8>> {
+    read_checksummed(&dir.join(TRANSIENTS_FILE)).ok()?
 }
 
 /// Returns whether processes that scatter the job in the directory `dir` together have begun to look for transients.
