@@ -178,8 +178,23 @@ impl<'a> Seeds<'a> {
                     true => AVERAGE_SHARE_OF_A_GROUP_ALONE,
                     false => AVERAGE_SHARE_OF_A_GROUP,
                 };
-                !are_dense(self.surface.with(&options), &group, average_share)
+                !self.are_dense(seed, &group, average_share)
             })
+    }
+
+    /// Whether the `group` of this seed stands for more points than seeds around it usually do, and than this share of those
+    /// that a seed does on average.
+    fn are_dense(&self, seed: usize, group: &[Local], average_share: f64) -> bool {
+        let options = self.surface.options_at(self.positions[seed]);
+        let surface = self.surface.with(&options);
+        let (own, usual) = match group {
+            [_] => (self.points(seed).own, self.usual_points(seed)),
+            _ => (own_points(surface, group), usual_points(surface, group)),
+        };
+        // A point more than the mean is usual by chance alone.
+        let usual = SEEDS_WORTH_OF_A_GROUP * VOXELS_OF_A_SEED * (usual - 1.0);
+        let few = average_share * average_points(surface);
+        own > FEW_POINTS_OF_A_GROUP.max(few).max(usual)
     }
 
     /// Whether no seed but those of the `group` is within `radius` (CRS units) of them.
@@ -277,16 +292,6 @@ impl<'a> Seeds<'a> {
         });
         surface.as_deref()
     }
-}
-
-/// Whether the `linked` seeds stand for more points than seeds around them usually do, and than this share of those that a seed
-/// does on average.
-fn are_dense(surface: Surface<'_>, linked: &[Local], average_share: f64) -> bool {
-    let voxels = SEEDS_WORTH_OF_A_GROUP * VOXELS_OF_A_SEED;
-    // A point more than the mean is usual by chance alone.
-    let usual = voxels * (usual_points(surface, linked) - 1.0);
-    let few = average_share * average_points(surface);
-    own_points(surface, linked) > FEW_POINTS_OF_A_GROUP.max(few).max(usual)
 }
 
 #[cfg(test)]
