@@ -10,7 +10,7 @@ use super::{
     solids::{Hit, Material, Solids},
     world::from_world,
 };
-use crate::geometry::Local;
+use crate::geometry::{GridWalk, Local};
 
 /// The surfaces of a street.
 #[derive(Debug)]
@@ -21,56 +21,6 @@ pub struct Street {
     edges: Edges,
     road: Road,
     passing: AllPassing,
-}
-
-/// The bins below or above a ray, in the order in which it passes them.
-struct BinWalk {
-    bin: [i64; 2],
-    /// The direction in which the ray passes bins, along the street and across.
-    step: [i64; 2],
-    /// The distance along the ray between two borders of bins.
-    width: [f64; 2],
-    /// The distance along the ray to the next border.
-    border: [f64; 2],
-    /// The distance along the ray at which it enters the bin.
-    entered: f64,
-}
-
-impl BinWalk {
-    fn new(origin: Local, direction: Local) -> Self {
-        let bin = [
-            (origin.x / BIN_EDGE).floor() as i64,
-            (origin.y / BIN_EDGE).floor() as i64,
-        ];
-        let border = [0, 1].map(|axis| {
-            let (o, d) = (origin[axis], direction[axis]);
-            let edge = (bin[axis] + i64::from(d >= 0.0)) as f64 * BIN_EDGE;
-            if d == 0.0 {
-                f64::INFINITY
-            } else {
-                (edge - o) / d
-            }
-        });
-        Self {
-            bin,
-            step: [direction.x, direction.y].map(|d| if d < 0.0 { -1 } else { 1 }),
-            width: [direction.x, direction.y].map(|d| (BIN_EDGE / d).abs()),
-            border,
-            entered: 0.0,
-        }
-    }
-
-    fn advance(&mut self) {
-        let axis = usize::from(self.border[1] < self.border[0]);
-        self.entered = self.border[axis];
-        self.border[axis] += self.width[axis];
-        self.bin[axis] += self.step[axis];
-    }
-
-    /// Returns whether the bin lies beside the street.
-    fn has_left_the_street(&self) -> bool {
-        (self.bin[1] as f64).abs() > BINNED_HALF_WIDTH + 1.0
-    }
 }
 
 impl Street {
@@ -115,19 +65,21 @@ impl Street {
             normal: Local::z(),
             material: Material::Road,
         });
-        let is_vertical = direction.x.hypot(direction.y) == 0.0;
-        let mut walk = BinWalk::new(origin, direction);
-        while walk.entered < range && first.is_none_or(|hit| walk.entered <= hit.range) {
-            for &number in self.bins.bin(walk.bin) {
+        // The bins below or above the ray, until it is beside the street.
+        let walk = GridWalk::new([origin.x, origin.y], [direction.x, direction.y], BIN_EDGE);
+        let passed = walk.take_while(|&([_, across], entered)| {
+            entered < range && f64::from(across).abs() <= BINNED_HALF_WIDTH + 1.0
+        });
+        for (bin, entered) in passed {
+            if first.is_some_and(|hit| entered > hit.range) {
+                break;
+            }
+            for &number in self.bins.bin(bin.map(i64::from)) {
                 if let Some(hit) = Hit::of(&self.solids.0[number as usize], origin, direction)
                     && hit.range < first.map_or(range, |hit| hit.range)
                 {
                     first = Some(hit);
                 }
-            }
-            walk.advance();
-            if is_vertical || walk.has_left_the_street() {
-                break;
             }
         }
         first

@@ -1,7 +1,7 @@
 //! The lines along which a scanner saw.
 
 use super::voxel::{Voxel, VoxelGrid};
-use crate::geometry::Local;
+use crate::geometry::{GridWalk, Local};
 
 /// The distance from the scanner up to which what a sight line passes does not count: the vehicle itself (edges of voxels).
 const NEAREST: f64 = 4.0;
@@ -46,30 +46,9 @@ impl SightLine {
 
     /// The voxels of `grid` that the line passes, in order.
     pub(super) fn voxels(self, grid: VoxelGrid) -> impl Iterator<Item = Voxel> {
-        let mut voxel = grid.voxel(self.start);
-        let mut entered = 0.0;
-        let step = self.direction.map(|d| if d < 0.0 { -1.0 } else { 1.0 });
-        let width = self.direction.map(|d| (grid.edge / d).abs());
-        let mut border = Local::zeros();
-        for axis in 0..3 {
-            let ahead = f64::from(voxel[axis]) + if step[axis] > 0.0 { 1.0 } else { 0.0 };
-            let distance = (ahead * grid.edge - self.start[axis]) / self.direction[axis];
-            border[axis] = if self.direction[axis] == 0.0 {
-                f64::INFINITY
-            } else {
-                distance
-            };
-        }
-        std::iter::from_fn(move || {
-            (entered <= self.length).then(|| {
-                let passed = voxel;
-                let axis = border.imin();
-                entered = border[axis];
-                border[axis] += width[axis];
-                voxel[axis] = voxel[axis].wrapping_add(step[axis] as i32);
-                passed
-            })
-        })
+        GridWalk::new(self.start.into(), self.direction.into(), grid.edge)
+            .take_while(move |&(_, entered)| entered <= self.length)
+            .map(|(voxel, _)| voxel)
     }
 
     /// The place where the line comes nearest to `place`, if it passes by within `distance` of it.
