@@ -93,11 +93,41 @@ fn what_has_gone_is_left_out_and_all_else_stays() {
         );
         assert!(points(&dropped) == expected, "{more:?}");
     }
+}
 
-    // One pass knows of nothing that has gone.
-    let one = dir.path().join("one.laz");
-    succeed(&scans.join("pass-1.laz"), &one, &with_way(&way, &[]));
-    assert_eq!(report(&one)["transients"]["things"], 0);
+#[test]
+fn one_visit_knows_of_nothing_that_has_gone_and_says_so() {
+    let dir = tempfile::tempdir().unwrap();
+    let (scans, way) = busy_street(dir.path());
+    let output = dir.path().join("even.laz");
+    let drop_and_log = with_way(&way, &["--overwrite", "--log", "json"]);
+    let follows_sight_lines = |scans: &Path| {
+        let done = lloydar(
+            &[
+                &["run", text(scans), "-o", text(&output)],
+                &drop_and_log[..],
+            ]
+            .concat(),
+        );
+        let said = String::from_utf8(done.stderr).unwrap();
+        assert!(
+            done.status.success() && said.contains(r#""visits""#),
+            "{said}"
+        );
+        said.contains(r#""sight lines""#)
+    };
+    let pass = scans.join("pass-1.laz");
+    succeed(&pass, &output, &SPACING);
+    let kept = points(&output);
+    assert!(!follows_sight_lines(&pass));
+    assert!(points(&output) == kept);
+    let nothing = serde_json::json!({"points": 0, "things": 0, "one_visit": true});
+    assert_eq!(report(&output)["transients"], nothing);
+    let page = fs::read_to_string(dir.path().join("even.laz.report.html")).unwrap();
+    assert!(page.contains("all points were seen in one visit"));
+
+    assert!(follows_sight_lines(&scans));
+    assert_eq!(report(&output)["transients"]["one_visit"], false);
 }
 
 #[test]

@@ -6,6 +6,11 @@ use crate::transients::TransientCounts;
 /// Returns how much of it was left out.
 pub(super) fn in_words(counts: TransientCounts) -> String {
     match counts.things {
+        _ if counts.one_visit => {
+            "nothing is left out: all points were seen in one visit, and only another one could have looked through \
+             what it saw"
+                .to_owned()
+        }
         0 => "nothing was seen by one pass that others looked through".to_owned(),
         things => format!(
             "{} points of {} things that one pass saw and others looked through, left out",

@@ -38,12 +38,16 @@ fn pass(seconds: f64, lines: usize, is_hit: impl Fn(f64, f64, &mut Dice) -> bool
     (0..lines).map(sees).collect()
 }
 
-fn doubtful(seen: &[Seen]) -> DoubtfulVoxels {
+fn visits(seen: &[Seen]) -> Visits {
     let mut visits = Visits::new(GRID);
     for seen in seen {
         visits.add(seen.point, Moment::after(seen.seconds));
     }
-    let doubtful = DoubtfulVoxels::among(visits);
+    visits
+}
+
+fn doubtful(seen: &[Seen]) -> DoubtfulVoxels {
+    let doubtful = DoubtfulVoxels::among(visits(seen));
     for seen in seen {
         if let Some(line) = SightLine::new(seen.scanner, seen.point, GRID) {
             doubtful.look(line, Moment::after(seen.seconds));
@@ -99,6 +103,28 @@ fn a_car_that_one_pass_saw_is_found_and_nothing_else() {
     // A second pass a moment later is one with the first.
     let soon = pass(LONGEST_VISIT / 2.0, 100_000, |_, _, _| false);
     assert_eq!(found(&[first, soon].concat()).counts.things, 0);
+}
+
+#[test]
+fn nothing_is_found_in_one_visit_and_that_is_known_without_sight_lines() {
+    let first = pass(0.0, 20_000, |x, z, _| is_car(x, z));
+    let soon = pass(LONGEST_VISIT - 21.0, 20_000, |_, _, _| false);
+    let later = pass(LONGEST_VISIT + 21.0, 20_000, |_, _, _| false);
+    for (seen, is_one) in [
+        (&[][..], true),
+        (&first, true),
+        (&[&first[..], &soon].concat(), true),
+        (&[&first[..], &later].concat(), false),
+    ] {
+        assert_eq!(visits(seen).are_one(), is_one);
+        if is_one {
+            let known = TransientVoxels::of_one_visit(GRID);
+            let searched = found(seen);
+            assert_eq!([searched.counts.things, searched.counts.points], [0, 0]);
+            assert!(seen.iter().all(|seen| !known.contain(seen.point)));
+            assert_eq!(TransientVoxels::from_bytes(&known.to_bytes()), Some(known));
+        }
+    }
 }
 
 #[test]

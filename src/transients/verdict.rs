@@ -30,6 +30,8 @@ pub(crate) struct TransientCounts {
     pub(crate) points: u64,
     /// The number of things that they are of, each of which hangs together.
     pub(crate) things: u64,
+    /// Whether all points were seen in one visit, so that nothing can be known to have gone.
+    pub(crate) one_visit: bool,
 }
 
 /// The voxels of what one visit saw and others looked through.
@@ -115,6 +117,7 @@ impl DoubtfulVoxels {
                     .map(|visit| u64::from(visit.points))
                     .sum(),
                 things,
+                one_visit: false,
             },
             voxels: transient.map(|visit| (visit.voxel, ())).collect(),
         }
@@ -129,10 +132,28 @@ impl TransientCounts {
 }
 
 impl TransientVoxels {
-    /// All this as bytes: edge, numbers of things and points, voxels.
+    /// Nothing, because all points were seen in one visit.
+    pub(crate) fn of_one_visit(grid: VoxelGrid) -> Self {
+        Self {
+            grid,
+            counts: TransientCounts {
+                points: 0,
+                things: 0,
+                one_visit: true,
+            },
+            voxels: VoxelMap::default(),
+        }
+    }
+
+    /// All this as bytes: edge, numbers of things and points, whether there was one visit, voxels.
     pub(crate) fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = self.grid.edge.to_le_bytes().to_vec();
-        let numbers = [self.counts.things, self.counts.points];
+        let TransientCounts {
+            points,
+            things,
+            one_visit,
+        } = self.counts;
+        let numbers = [things, points, u64::from(one_visit)];
         bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
         let mut voxels: Vec<&Voxel> = self.voxels.keys().collect();
         voxels.sort_unstable();
@@ -160,8 +181,8 @@ impl TransientVoxels {
 
     /// Divides what [`Self::to_bytes`] returns; `None` for fewer bytes than that.
     fn parts(bytes: &[u8]) -> Option<(VoxelGrid, TransientCounts, &[u8])> {
-        let (numbers, voxels) = bytes.split_at_checked(24)?;
-        let (&[edge, things, points], []) = numbers.as_chunks::<8>() else {
+        let (numbers, voxels) = bytes.split_at_checked(32)?;
+        let (&[edge, things, points, one_visit], []) = numbers.as_chunks::<8>() else {
             return None;
         };
         let grid = VoxelGrid {
@@ -170,6 +191,7 @@ impl TransientVoxels {
         let counts = TransientCounts {
             points: u64::from_le_bytes(points),
             things: u64::from_le_bytes(things),
+            one_visit: u64::from_le_bytes(one_visit) != 0,
         };
         Some((grid, counts, voxels))
     }

@@ -47,6 +47,14 @@ impl Times {
             .contains(&moment.0)
     }
 
+    /// The times of all points of both.
+    fn with(self, other: Self) -> Self {
+        Self {
+            first: self.first.min(other.first),
+            last: self.last.max(other.last),
+        }
+    }
+
     /// Whether all of `other` are of the same visit as these, which are of one.
     fn contain_all(self, other: Self) -> bool {
         self.contain(other.first) && self.contain(other.last)
@@ -69,8 +77,7 @@ impl Seen {
         for (sum, more) in self.sums.iter_mut().zip(other.sums) {
             *sum = sum.saturating_add(more);
         }
-        self.times.first = self.times.first.min(other.times.first);
-        self.times.last = self.times.last.max(other.times.last);
+        self.times = self.times.with(other.times);
     }
 }
 
@@ -153,6 +160,14 @@ impl Visits {
     /// The bytes that all this takes at most, with what is found from it.
     pub(crate) fn bytes(&self) -> u64 {
         self.seen.len() as u64 * BYTES_PER_VOXEL
+    }
+
+    /// Whether all points were seen in one visit: no other looked through what it saw.
+    pub(crate) fn are_one(&self) -> bool {
+        let times = self.seen.values().map(|seen| seen.times);
+        times
+            .reduce(Times::with)
+            .is_none_or(Times::are_of_one_visit)
     }
 
     pub(super) fn grid(&self) -> VoxelGrid {

@@ -1,7 +1,7 @@
 //! What one pass of the scanner saw and others looked through is found before the scatter, which leaves it out.
 //!
-//! All inputs are decoded twice for it: once for what was seen when, and once for the sight lines that passed there. The
-//! result is a file in the job directory, which is made once, however many processes scatter.
+//! All inputs are decoded twice for it: once for what was seen when, and once, if that was in several visits, for the sight
+//! lines that passed there. The result is a file in the job directory, which is made once, however many processes scatter.
 
 use std::{
     borrow::Cow,
@@ -176,9 +176,14 @@ impl<'a> Search<'a> {
     fn complete(&self) -> Result<TransientVoxels, JobError> {
         let sightings = self.sightings()?;
         self.check_way(&sightings)?;
-        let doubtful = DoubtfulVoxels::among(sightings.visits);
-        self.look(&doubtful)?;
-        let found = doubtful.decide();
+        let found = match sightings.visits.are_one() {
+            true => TransientVoxels::of_one_visit(self.grid),
+            false => {
+                let doubtful = DoubtfulVoxels::among(sightings.visits);
+                self.look(&doubtful)?;
+                doubtful.decide()
+            }
+        };
         let path = self.run.job.dir.join(TRANSIENTS_FILE);
         write_among_others(&path, &found.to_bytes())?;
         Ok(found)
