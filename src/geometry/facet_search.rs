@@ -7,6 +7,7 @@
 //! fitted again, each to the samples that no other facet explains: a sample at an edge is the mean of points on both
 //! sides, and lies on neither.
 //!
+//! How far from a facet a sample may lie follows from the noise of the scan, which is what the flattest candidates have.
 //! Noise must not be taken for edges. A patch that rounds an edge misses samples next to each other on the same side;
 //! where it misses them by noise, the sides of neighbours have nothing to do with each other, and no search is
 //! made. Two planes through the two halves of a noisy layer are one facet, and planes that run through each other
@@ -25,8 +26,12 @@ use super::{
 pub(crate) const FACET_RADIUS_IN_FIT_RADII: f64 = 2.4;
 /// Radius of the neighbourhood of a sample that a candidate is fitted to.
 const CANDIDATE_RADIUS_IN_FIT_RADII: f64 = 0.42;
-/// Distance from a facet within which samples lie on it.
-const TOLERANCE_IN_FIT_RADII: f64 = 0.042;
+/// Distances from a facet within which samples lie on it: where the scan has no noise, and where it has the most.
+const LEAST_TOLERANCE_IN_FIT_RADII: f64 = 0.042;
+const LARGEST_TOLERANCE_IN_FIT_RADII: f64 = 0.17;
+/// The distance where the scan has noise, in standard deviations of the flattest quarter of candidates, which is less than the
+/// noise: they have few samples.
+const TOLERANCE_IN_DEVIATIONS: f64 = 4.0;
 /// Number of samples around which candidates are fitted.
 const CANDIDATES: usize = 24;
 /// Distance from the site within which these samples lie: of the nearest alone hardly any is far enough from an edge
@@ -59,38 +64,56 @@ struct Search<'a> {
     tolerance: Tolerance,
 }
 
+/// A plane fitted to the samples around one of them.
+struct Candidate {
+    facet: Facet,
+    /// The standard deviation of those samples from it (CRS units).
+    deviation: f64,
+}
+
+/// The planes around some of the `samples`, spread over the neighbourhood, by the radius of the fit of the patch (CRS
+/// units).
+fn candidates(samples: &[FacetSample], fit_radius: f64) -> Vec<Candidate> {
+    let radius = CANDIDATE_RADIUS_IN_FIT_RADII * fit_radius;
+    let squared = radius * radius;
+    let within = count_within(samples, CANDIDATES_WITHIN_FIT_RADII * fit_radius);
+    let count = within.min(CANDIDATES);
+    let centers = (0..count).map(|k| &samples[k * within / count]);
+    let candidate = |center: &FacetSample| {
+        // Samples that are nearer to the site, or farther from it, are not around the center.
+        let distance = center.distance_squared.sqrt();
+        let nearest = count_within(samples, (distance - radius).max(0.0));
+        let around = samples[nearest..count_within(samples, distance + radius)].iter();
+        let with_distance = around.map(|sample| (sample, (sample.way - center.way).norm_squared()));
+        let weighted = with_distance
+            .filter(|&(_, distance)| distance < squared)
+            .map(|(sample, distance)| (sample.way, nearness(distance, squared) * sample.weight));
+        let (facet, deviation) = Facet::fit(weighted)?;
+        Some(Candidate { facet, deviation })
+    };
+    centers.filter_map(candidate).collect()
+}
+
+/// The number of `samples`, which come nearest first, that are nearer to the site than `radius` (CRS units).
+fn count_within(samples: &[FacetSample], radius: f64) -> usize {
+    samples.partition_point(|sample| sample.distance_squared < radius * radius)
+}
+
+/// The distance from a facet within which samples lie on it: the larger, the noisier the scan is. What the noise is the flattest
+/// of the `candidates` tell, since others lie across an edge.
+fn tolerance(candidates: &[Candidate], fit_radius: f64) -> Tolerance {
+    let mut deviations: Vec<f64> = candidates.iter().map(|one| one.deviation).collect();
+    let place = deviations.len() / 4;
+    let noise = match deviations.is_empty() {
+        true => 0.0,
+        false => *deviations.select_nth_unstable_by(place, f64::total_cmp).1,
+    };
+    let [least, most] =
+        [LEAST_TOLERANCE_IN_FIT_RADII, LARGEST_TOLERANCE_IN_FIT_RADII].map(|of| of * fit_radius);
+    Tolerance::new((TOLERANCE_IN_DEVIATIONS * noise).clamp(least, most))
+}
+
 impl Search<'_> {
-    /// The planes around samples spread over the neighbourhood, by the radius of the fit of the patch (CRS units).
-    fn candidates(&self, fit_radius: f64) -> Vec<Facet> {
-        let radius = CANDIDATE_RADIUS_IN_FIT_RADII * fit_radius;
-        let squared = radius * radius;
-        let within = self.count_within(CANDIDATES_WITHIN_FIT_RADII * fit_radius);
-        let count = within.min(CANDIDATES);
-        let centers = (0..count).map(|k| &self.samples[k * within / count]);
-        let candidate = |center: &FacetSample| {
-            // Samples that are nearer to the site, or farther from it, are not around the center.
-            let distance = center.distance_squared.sqrt();
-            let nearest = self.count_within((distance - radius).max(0.0));
-            let around = self.samples[nearest..self.count_within(distance + radius)].iter();
-            let with_distance =
-                around.map(|sample| (sample, (sample.way - center.way).norm_squared()));
-            let weighted = with_distance
-                .filter(|&(_, distance)| distance < squared)
-                .map(|(sample, distance)| {
-                    let near = nearness(distance, squared);
-                    (sample.way, near * sample.weight)
-                });
-            Facet::fit(weighted, self.tolerance.distance)
-        };
-        centers.filter_map(candidate).collect()
-    }
-
-    /// The number of samples nearer to the site than `radius` (CRS units).
-    fn count_within(&self, radius: f64) -> usize {
-        let is_near = |sample: &FacetSample| sample.distance_squared < radius * radius;
-        self.samples.partition_point(is_near)
-    }
-
     /// How near `facet` is to `position`.
     fn closeness(&self, facet: &Facet, position: Local) -> f64 {
         self.tolerance.closeness(facet.height(position))
@@ -142,7 +165,7 @@ impl Search<'_> {
                 let closeness = self.closeness(&facet, sample.way);
                 (sample.way, sample.weight * closeness * closeness)
             });
-            facet = Facet::fit(on_it, f64::INFINITY)?;
+            facet = Facet::fit(on_it)?.0;
         }
         Some((index, facet))
     }
@@ -159,7 +182,9 @@ impl Search<'_> {
             }
         }
         for (facet, weighted) in facets.iter_mut().zip(weighted) {
-            *facet = Facet::fit(weighted.into_iter(), f64::INFINITY).unwrap_or(*facet);
+            if let Some((fitted, _)) = Facet::fit(weighted.into_iter()) {
+                *facet = fitted;
+            }
         }
     }
 
@@ -210,9 +235,7 @@ impl Facets {
         capture: f64,
     ) -> Option<Self> {
         samples.sort_by(|a, b| a.distance_squared.total_cmp(&b.distance_squared));
-        let tolerance = Tolerance::new(TOLERANCE_IN_FIT_RADII * fit_radius);
-        let search = Search { samples, tolerance };
-        let near = &samples[..search.count_within(fit_radius)];
+        let near = &samples[..count_within(samples, fit_radius)];
         let residual = |sample: &FacetSample| {
             let [u, v, w] = patch.coordinates(site + sample.way);
             w - patch.height(u, v)
@@ -220,7 +243,13 @@ impl Facets {
         if correlation_of_neighbors(near, residual) < LEAST_CORRELATION {
             return None;
         }
-        let mut facets = search.facets(search.candidates(fit_radius));
+        let candidates = candidates(samples, fit_radius);
+        let tolerance = tolerance(&candidates, fit_radius);
+        let search = Search { samples, tolerance };
+        let flat = candidates
+            .iter()
+            .filter(|one| one.deviation <= tolerance.distance);
+        let mut facets = search.facets(flat.map(|one| one.facet).collect());
         for _ in 0..JOINT_ROUNDS {
             search.fit_together(&mut facets);
         }
@@ -318,7 +347,7 @@ mod tests {
     #[test]
     fn noise_is_no_edge() {
         // Planes through parts of such a layer explain more of it than a patch does, at each of these sites.
-        let noise = 4.0 * TOLERANCE_IN_FIT_RADII * RADIUS;
+        let noise = 4.0 * LEAST_TOLERANCE_IN_FIT_RADII * RADIUS;
         let sites = (0..40).map(|k| Local::new(0.05 * f64::from(k) - 1.0, 0.3, 0.0));
         let edges = sites.filter(|&site| found(|_, _| 0.0, noise, site).0.is_some());
         let edges = edges.count();

@@ -18,6 +18,8 @@ use super::{Local, narrow_frame};
 pub(super) const MOST_FACETS: usize = 3;
 /// Fewest positions that a plane is fitted to.
 const LEAST_SUPPORT: usize = 5;
+/// The number of parameters of a plane.
+const PARAMETERS: usize = 3;
 /// Positions that are less round lie on a line.
 const LEAST_ROUNDNESS_SQUARED: f64 = 0.02;
 /// Facets whose normals differ less (by the sine of their angle) do not meet near by.
@@ -57,12 +59,9 @@ impl Facet {
         sine < LEAST_SINE && apart.max(other.height(self.point).abs()) < distance
     }
 
-    /// The plane that fits the `weighted` positions best; `None` if they are too few, lie on a
-    /// line, or are on average farther from it than `largest_residual` (CRS units).
-    pub(super) fn fit(
-        weighted: impl Iterator<Item = (Local, f64)>,
-        largest_residual: f64,
-    ) -> Option<Self> {
+    /// The plane that fits the `weighted` positions best, and the standard deviation of their distances from it (CRS
+    /// units); `None` if they are too few, or lie on a line.
+    pub(super) fn fit(weighted: impl Iterator<Item = (Local, f64)>) -> Option<(Self, f64)> {
         let (mut total, mut count) = (0.0, 0);
         let [mut sum_x, mut sum_y, mut sum_z] = [0.0; 3];
         let [mut xx, mut xy, mut xz, mut yy, mut yz, mut zz] = [0.0; 6];
@@ -90,8 +89,10 @@ impl Facet {
         let covariance = squares / total - point * point.transpose();
         let (spread, [_, _, normal]) = narrow_frame(covariance)?;
         let is_round = spread[1] >= LEAST_ROUNDNESS_SQUARED * spread[0];
-        let is_plane = spread[2] <= largest_residual * largest_residual;
-        (is_round && is_plane).then_some(Self { point, normal })
+        // A plane has three parameters, which take a part of the spread.
+        let unbiased = count as f64 / (count - PARAMETERS) as f64;
+        let deviation = (spread[2].max(0.0) * unbiased).sqrt();
+        is_round.then_some((Self { point, normal }, deviation))
     }
 
     /// The point of the line where the plane meets `other` that is nearest to `position`, which is on the plane; `None`
