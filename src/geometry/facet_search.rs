@@ -26,12 +26,16 @@ use super::{
 pub(crate) const FACET_RADIUS_IN_FIT_RADII: f64 = 2.4;
 /// Radius of the neighbourhood of a sample that a candidate is fitted to.
 const CANDIDATE_RADIUS_IN_FIT_RADII: f64 = 0.42;
-/// Distances from a facet within which samples lie on it: where the scan has no noise, and where it has the most.
+/// Distances from a facet within which samples lie on it: where the scan has no noise, and where it has so much that a larger
+/// distance would make planes of anything.
 const LEAST_TOLERANCE_IN_FIT_RADII: f64 = 0.042;
-const LARGEST_TOLERANCE_IN_FIT_RADII: f64 = 0.17;
+const LARGEST_TOLERANCE_IN_FIT_RADII: f64 = 0.25;
 /// The distance where the scan has noise, in standard deviations of the flattest quarter of candidates, which is less than the
 /// noise: they have few samples.
-const TOLERANCE_IN_DEVIATIONS: f64 = 4.0;
+const TOLERANCE_IN_DEVIATIONS: f64 = 6.0;
+/// The share of that distance within which facets and patch are compared: with the whole of it a patch that rounds an edge explains
+/// nearly as much as the facets that meet there.
+const COMPARED_TOLERANCE: f64 = 0.67;
 /// Number of samples around which candidates are fitted.
 const CANDIDATES: usize = 24;
 /// Distance from the site within which these samples lie: of the nearest alone hardly any is far enough from an edge
@@ -100,17 +104,17 @@ fn count_within(samples: &[FacetSample], radius: f64) -> usize {
 }
 
 /// The distance from a facet within which samples lie on it: the larger, the noisier the scan is. What the noise is the flattest
-/// of the `candidates` tell, since others lie across an edge.
-fn tolerance(candidates: &[Candidate], fit_radius: f64) -> Tolerance {
+/// of the `candidates` tell, since others lie across an edge. `None` in leaves and clutter, where none is flat.
+fn tolerance(candidates: &[Candidate], fit_radius: f64) -> Option<Tolerance> {
     let mut deviations: Vec<f64> = candidates.iter().map(|one| one.deviation).collect();
     let place = deviations.len() / 4;
-    let noise = match deviations.is_empty() {
-        true => 0.0,
-        false => *deviations.select_nth_unstable_by(place, f64::total_cmp).1,
-    };
-    let [least, most] =
-        [LEAST_TOLERANCE_IN_FIT_RADII, LARGEST_TOLERANCE_IN_FIT_RADII].map(|of| of * fit_radius);
-    Tolerance::new((TOLERANCE_IN_DEVIATIONS * noise).clamp(least, most))
+    if deviations.is_empty() {
+        return None;
+    }
+    let (_, noise, _) = deviations.select_nth_unstable_by(place, f64::total_cmp);
+    let distance = TOLERANCE_IN_DEVIATIONS * *noise / fit_radius;
+    let share = distance.max(LEAST_TOLERANCE_IN_FIT_RADII);
+    (share <= LARGEST_TOLERANCE_IN_FIT_RADII).then(|| Tolerance::new(share * fit_radius))
 }
 
 impl Search<'_> {
@@ -188,6 +192,31 @@ impl Search<'_> {
         }
     }
 
+    /// Whether the `facets` explain enough of the samples within `fit_radius` (CRS units), and more than the patch does, of which
+    /// each sample has this `residual`.
+    fn are_better(
+        &self,
+        facets: &[Facet],
+        fit_radius: f64,
+        residual: impl Fn(&FacetSample) -> f64,
+    ) -> bool {
+        let near = &self.samples[..count_within(self.samples, fit_radius)];
+        let compared = Tolerance::new(COMPARED_TOLERANCE * self.tolerance.distance);
+        let by_facets = explained(near, fit_radius, |sample| {
+            let closeness = |facet: &Facet| compared.closeness(facet.height(sample.way));
+            facets.iter().map(closeness).fold(0.0, f64::max)
+        });
+        let by_patch = explained(near, fit_radius, |sample| {
+            compared.closeness(residual(sample))
+        });
+        let gain = match facets {
+            [_] => LEAST_GAIN_OF_ONE,
+            _ => 0.0,
+        };
+        // NaN is no explanation.
+        by_facets >= LEAST_EXPLAINED && by_facets > by_patch + gain
+    }
+
     /// For each of the `facets`, the sides of the others on which it lies; 0 for both.
     fn sides(&self, facets: &[Facet]) -> [[f64; MOST_FACETS]; MOST_FACETS] {
         let tolerance = self.tolerance.distance;
@@ -244,7 +273,7 @@ impl Facets {
             return None;
         }
         let candidates = candidates(samples, fit_radius);
-        let tolerance = tolerance(&candidates, fit_radius);
+        let tolerance = tolerance(&candidates, fit_radius)?;
         let search = Search { samples, tolerance };
         let flat = candidates
             .iter()
@@ -253,20 +282,7 @@ impl Facets {
         for _ in 0..JOINT_ROUNDS {
             search.fit_together(&mut facets);
         }
-        let by_facets = explained(near, fit_radius, |sample| {
-            let closeness = |facet| search.closeness(facet, sample.way);
-            facets.iter().map(closeness).fold(0.0, f64::max)
-        });
-        let by_patch = explained(near, fit_radius, |sample| {
-            tolerance.closeness(residual(sample))
-        });
-        let gain = if facets.len() == 1 {
-            LEAST_GAIN_OF_ONE
-        } else {
-            0.0
-        };
-        // Written so that NaN fails.
-        if !(by_facets >= LEAST_EXPLAINED && by_facets > by_patch + gain) {
+        if !search.are_better(&facets, fit_radius, residual) {
             return None;
         }
         let sides = search.sides(&facets);
@@ -331,6 +347,22 @@ mod tests {
             let foot = facets.expect("a ridge").foot_point(rounded);
             assert!(off(foot) < 0.012, "{x}: {} of {}", off(foot), off(rounded));
         }
+    }
+
+    #[test]
+    fn a_ridge_is_found_in_noise_that_is_larger_than_the_least_tolerance() {
+        let noise = 4.0 * LEAST_TOLERANCE_IN_FIT_RADII * RADIUS;
+        let [mut on_facets, mut on_patches] = [0.0; 2];
+        for k in 0..40 {
+            let x = 0.01 * f64::from(k) - 0.2;
+            let site = Local::new(x, 0.2, roof(x, 0.2));
+            let (facets, patch) = found(roof, noise, site);
+            let rounded = patch.foot_point(site);
+            let off = |p: Local| (p.z - roof(p.x, p.y)).abs();
+            on_patches += off(rounded);
+            on_facets += off(facets.map_or(rounded, |facets| facets.foot_point(rounded)));
+        }
+        assert!(on_facets < 0.5 * on_patches, "{on_facets} {on_patches}");
     }
 
     #[test]
