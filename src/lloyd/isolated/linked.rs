@@ -2,17 +2,17 @@
 
 use crate::geometry::{Local, NeighborGrid};
 
-/// The seeds within `link` of `position`, one at the position among them.
-pub(super) fn linked_to(
+/// Calls `visit` with the index and the place of every seed within `link` of `position`.
+#[inline]
+pub(super) fn visit_linked(
     seeds: &NeighborGrid,
     position: Local,
     link: f64,
-) -> impl Iterator<Item = (usize, Local)> {
-    let mut found = Vec::new();
+    mut visit: impl FnMut(usize, Local),
+) {
     seeds.visit_around(position, link, |seed, place| {
         if (place - position).norm_squared() <= link * link {
-            found.push((seed as usize, place));
+            visit(seed as usize, place);
         }
     });
-    found.into_iter()
 }

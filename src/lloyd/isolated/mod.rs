@@ -18,9 +18,12 @@
 //! thin seeds lie on a plane, and a lone thing stays that was scanned more densely than what is around it. Leaves around
 //! a branch stay, too: a branch is no surface. The rule looks a fixed number of spacings around, so that all tiles agree.
 
+mod blocks;
 mod linked;
 mod planes;
 mod represented;
+#[cfg(test)]
+mod tests;
 
 use std::sync::OnceLock;
 
@@ -28,9 +31,12 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use self::{
-    linked::linked_to,
+    blocks::SeedBlocks,
+    linked::visit_linked,
     planes::{SurfacePlane, lies_among_alike, lies_on_a_plane},
-    represented::{Represented, VOXELS_OF_A_SEED, average_points, own_points, usual_points},
+    represented::{
+        Represented, VOXELS_OF_A_SEED, average_points, most_usual_points, own_points, usual_points,
+    },
 };
 use super::{options::MANY_SEEDS, surface::Surface};
 use crate::geometry::{ITEMS_PER_TASK, Local, NeighborGrid};
@@ -111,6 +117,7 @@ struct Seeds<'a> {
     surface: Surface<'a>,
     positions: &'a [Local],
     grid: NeighborGrid,
+    blocks: SeedBlocks,
     properties: Vec<Properties>,
 }
 
@@ -122,6 +129,7 @@ impl<'a> Seeds<'a> {
             surface,
             positions,
             grid: surface.field().grid_of_edge(positions, link),
+            blocks: SeedBlocks::new(surface, positions),
             properties: positions.iter().map(|_| Properties::default()).collect(),
         }
     }
@@ -141,6 +149,25 @@ impl<'a> Seeds<'a> {
             let place = self.positions[seed];
             let options = self.surface.options_at(place);
             usual_points(self.surface.with(&options), &[place])
+        })
+    }
+
+    /// No less than the number of points that voxels around the seed usually have.
+    fn most_usual_points(&self, seed: usize) -> f64 {
+        let block = self.blocks.of(seed);
+        let most = || most_usual_points(self.surface, block);
+        *block.most_usual_points.get_or_init(most)
+    }
+
+    /// No less than the number of points near any seed beside this one.
+    fn most_near(&self, seed: usize) -> f64 {
+        let block = self.blocks.of(seed);
+        *block.most_near.get_or_init(|| {
+            let [low, high] = block.corners_around(block.options.beside_radius());
+            let mut most = 0.0_f64;
+            let near = |other: u32, _| most = most.max(self.points(other as usize).near);
+            self.grid.visit_box(low, high, near);
+            most
         })
     }
 
@@ -199,51 +226,59 @@ impl<'a> Seeds<'a> {
 
     /// Whether no seed but those of the `group` is within `radius` (CRS units) of them.
     fn is_alone(&self, group: &[Local], radius: f64) -> bool {
-        let around = |&seed: &Local| linked_to(&self.grid, seed, radius);
-        let mut around = group.iter().flat_map(around);
-        around.all(|(_, place)| group.contains(&place))
+        let mut is_alone = true;
+        for &seed in group {
+            let meet = |_, place| is_alone &= group.contains(&place);
+            visit_linked(&self.grid, seed, radius, meet);
+        }
+        is_alone
     }
 
     /// The seeds that belong to this one, itself among them, without those that are lost; `None` if they are many.
     fn linked_seeds(&self, seed: usize, link: f64) -> Option<Vec<Local>> {
         let mut linked = vec![self.positions[seed]];
         let mut next = 0;
-        while next < linked.len() {
-            for (other, place) in linked_to(&self.grid, linked[next], link) {
-                if !linked.contains(&place) && !self.is_lost(other) {
+        while next < linked.len() && linked.len() < MANY_SEEDS {
+            visit_linked(&self.grid, linked[next], link, |other, place| {
+                let are_few = linked.len() < MANY_SEEDS;
+                if are_few && !linked.contains(&place) && !self.is_lost(other) {
                     linked.push(place);
                 }
-                if linked.len() >= MANY_SEEDS {
-                    return None;
-                }
-            }
+            });
             next += 1;
         }
-        Some(linked)
+        (linked.len() < MANY_SEEDS).then_some(linked)
     }
 
     /// Whether the seed stands for next to nothing of what seeds around it usually do, and lies on no plane.
     fn is_a_speck(&self, seed: usize) -> bool {
         let own = self.points(seed).own;
-        let usual = || VOXELS_OF_A_SEED * self.usual_points(seed);
+        let is_next_to_nothing = |usual| own <= SHARE_OF_A_SPECK * (VOXELS_OF_A_SEED * usual);
         own <= AVERAGE_SHARE_OF_A_SPECK * average_points(self.surface)
+            && is_next_to_nothing(self.most_usual_points(seed))
             && !self.is_on_a_plane(seed)
             && !self.is_among_sparse(seed)
-            && own <= SHARE_OF_A_SPECK * usual()
+            && is_next_to_nothing(self.usual_points(seed))
     }
 
     /// Whether the seed is thin and all that are linked to it are, however many, and they lie on no plane.
     fn is_adrift(&self, seed: usize) -> bool {
+        // What is quick to find out comes first: hardly a seed is left when surroundings are looked at.
+        let can_be = |seed: usize| self.is_sparse(seed) && self.can_be_thin(seed);
+        if !can_be(seed) {
+            return false;
+        }
         let place = self.positions[seed];
         let options = self.surface.options_at(place);
-        let linked = linked_to(&self.grid, place, options.link());
-        let mut linked: Vec<usize> = linked.map(|(other, _)| other).collect();
-        // What is quick to find out comes first: hardly a seed of a surface is left when surroundings are looked at. Those
-        // of the seed with the most points tell most often that not all are thin.
-        linked.iter().all(|&other| self.is_sparse(other))
+        let mut linked = Vec::new();
+        visit_linked(&self.grid, place, options.link(), |other, _| {
+            linked.push(other);
+        });
+        linked.iter().all(|&other| can_be(other))
             && !self.is_on_a_plane(seed)
             && !self.is_among_sparse(seed)
             && {
+                // The surroundings of the seed with the most points tell most often that not all are thin.
                 let fewest = |&other: &usize| self.points(other).fewest();
                 linked.sort_unstable_by(|a, b| fewest(b).total_cmp(&fewest(a)));
                 linked.into_iter().all(|other| self.is_thin(other))
@@ -261,8 +296,17 @@ impl<'a> Seeds<'a> {
         fewest <= FEW_POINTS || fewest <= THIN_SHARE * self.usual_points(seed)
     }
 
+    /// Whether the seed stands for so few points that it can be thin.
+    fn can_be_thin(&self, seed: usize) -> bool {
+        let fewest = self.points(seed).fewest();
+        fewest <= FEW_POINTS || fewest <= THIN_SHARE * self.most_usual_points(seed)
+    }
+
     /// Whether the seed stands for next to nothing beside one on a surface that passes by it.
     fn is_beside_a_surface(&self, seed: usize) -> bool {
+        if !is_small_beside(self.points(seed).near, self.most_near(seed)) {
+            return false;
+        }
         let place = self.positions[seed];
         let options = self.surface.options_at(place);
         let is_beside = |other: usize| {
@@ -271,15 +315,16 @@ impl<'a> Seeds<'a> {
             self.surface_of(other).is_some_and(is_off)
                 && !lies_among_alike(&self.grid, place, &options, is_alike)
         };
-        linked_to(&self.grid, place, options.beside_radius())
-            .filter(|&(other, _)| self.is_small_beside(seed, other))
-            .any(|(other, _)| is_beside(other))
-            && !self.is_on_a_plane(seed)
+        let mut is_beside_any = false;
+        visit_linked(&self.grid, place, options.beside_radius(), |other, _| {
+            is_beside_any = is_beside_any || self.is_small_beside(seed, other) && is_beside(other);
+        });
+        is_beside_any && !self.is_on_a_plane(seed)
     }
 
     /// Whether the seed stands for next to nothing compared with the `other`.
     fn is_small_beside(&self, seed: usize, other: usize) -> bool {
-        self.points(seed).near <= SHARE_BESIDE_A_SURFACE * self.points(other).near
+        is_small_beside(self.points(seed).near, self.points(other).near)
     }
 
     /// The surface that the seed lies on, if it is on one: of those around it that are not small beside it.
@@ -294,139 +339,7 @@ impl<'a> Seeds<'a> {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{
-        geometry::{Quantization, Stored, spread},
-        lloyd::{Scan, SolverOptions, elect},
-    };
-
-    const QUANTIZATION: Quantization = Quantization {
-        scale: 1e-4,
-        offset: [0.0; 3],
-    };
-
-    /// Places even in a cube of the edge `edge` over the origin.
-    fn even(count: u64, edge: f64) -> impl Iterator<Item = Local> {
-        let unit = |k: u64| spread(k) as f64 / u64::MAX as f64;
-        (0..count).map(move |k| Local::new(unit(3 * k), unit(3 * k + 1), unit(3 * k + 2)) * edge)
-    }
-
-    /// The scan of `places`, of which a seed stands for 50 on average.
-    fn scan(places: Vec<Local>) -> (Scan, SolverOptions) {
-        let options = SolverOptions {
-            seeds_per_point: 0.02,
-            ..SolverOptions::new(0.1)
-        };
-        let points: Vec<Stored> = (places.iter())
-            .filter_map(|&p| QUANTIZATION.stored(p))
-            .collect();
-        (Scan::new(points, QUANTIZATION, &options), options)
-    }
-
-    /// The seeds of a scan with `places`, each with whether it is isolated.
-    fn judged(places: Vec<Local>) -> Vec<(Local, bool)> {
-        let (scan, options) = scan(places);
-        let seeds = elect(&scan, &options).positions;
-        let surface = Surface::new(&scan, &options);
-        let isolated = are_isolated(surface, &seeds, |_| true);
-        seeds.into_iter().zip(isolated).collect()
-    }
-
-    fn floor() -> impl Iterator<Item = Local> {
-        even(40_000, 3.0).map(|p| Local::new(p.x, p.y, 0.001 * p.z))
-    }
-
-    #[test]
-    fn a_floor_has_no_isolated_seeds() {
-        let judged = judged(floor().collect());
-        assert!(judged.len() > 800 && judged.iter().all(|&(_, is_isolated)| !is_isolated));
-    }
-
-    #[test]
-    fn rain_is_isolated_and_what_it_falls_on_is_not() {
-        let rain = even(600, 3.0).filter(|p| p.z > 0.05);
-        let judged = judged(floor().chain(rain).collect());
-        let share = |is_part: &dyn Fn(f64) -> bool| {
-            let part = judged.iter().filter(|(place, _)| is_part(place.z));
-            let (all, isolated) = part.fold((0, 0), |(all, isolated), (_, is_isolated)| {
-                (all + 1, isolated + usize::from(*is_isolated))
-            });
-            f64::from(isolated as u32) / f64::from(all.max(1))
-        };
-        // A few drops lie on a line or plane with others by chance, as points of a wire do.
-        assert!(share(&|z| z > 0.15) > 0.95, "{}", share(&|z| z > 0.15));
-        assert!(share(&|z| z < 0.05) == 0.0);
-    }
-
-    #[test]
-    fn strays_a_spacing_above_a_surface_are_isolated_and_a_wire_there_is_not() {
-        let strays =
-            even(12, 2.6).map(|p| Local::new(0.2 + 0.5 * p.x, 0.2 + p.y, 0.1 + 0.03 * p.z));
-        let wire = (0..400).map(|k| Local::new(2.0, 0.0075 * f64::from(k), 0.11));
-        let judged = judged(floor().chain(strays).chain(wire).collect());
-        let above = judged.iter().filter(|(place, _)| place.z > 0.08);
-        let (on_wire, strays): (Vec<_>, Vec<_>) = above.partition(|(place, _)| place.x > 1.8);
-        let isolated = |part: &[&(Local, bool)]| part.iter().filter(|judged| judged.1).count();
-        assert!(strays.len() > 8 && isolated(&strays) == strays.len());
-        assert!(on_wire.len() > 20 && 10 * isolated(&on_wire) < on_wire.len());
-    }
-
-    #[test]
-    fn specks_around_a_dense_crown_are_isolated_and_the_crown_is_not() {
-        // A shell of two spacings: no plane passes by what is a spacing before it.
-        let center = Local::new(1.5, 1.5, 1.0);
-        let from_center = |p: &Local| (p - center).norm();
-        let around = |count, edge: f64| {
-            even(count, edge).map(move |p| p + center - Local::repeat(0.5 * edge))
-        };
-        let crown = around(200_000, 0.42).filter(|p| (0.18..0.21).contains(&from_center(p)));
-        let strays = around(150, 0.8).filter(|p| (0.3..0.34).contains(&from_center(p)));
-        let points = floor().chain(crown).chain(strays).collect();
-        let (scan, options) = scan(points);
-        let positions = elect(&scan, &options).positions;
-        let seeds = Seeds::new(Surface::new(&scan, &options), &positions);
-        let in_shell = |low: f64, high: f64| -> Vec<usize> {
-            let is_there = |&k: &usize| (low..high).contains(&from_center(&positions[k]));
-            (0..positions.len()).filter(is_there).collect()
-        };
-        let (strays, crown) = (in_shell(0.28, 0.36), in_shell(0.0, 0.22));
-        let lost: Vec<&usize> = strays.iter().filter(|&&k| seeds.is_lost(k)).collect();
-        let is_otherwise = |&&&k: &&&usize| seeds.is_adrift(k) || seeds.is_beside_a_surface(k);
-        let otherwise = lost.iter().filter(is_otherwise).count();
-        assert!(strays.len() >= 10 && 10 * lost.len() >= 9 * strays.len());
-        assert!(otherwise < lost.len(), "{otherwise} of {}", lost.len());
-        assert!(crown.len() > 40 && crown.iter().all(|&k| !seeds.is_lost(k)));
-    }
-
-    #[test]
-    fn a_bird_is_isolated_and_a_lamp_that_was_scanned_more_densely_is_not() {
-        let small = |count, at: Local| even(count, 0.08).map(move |p| p + at);
-        // A seed stands for 50 points on average, and on the floor for about 80.
-        let bird = small(120, Local::new(1.0, 1.0, 1.0));
-        let lamp = small(2_000, Local::new(2.0, 2.0, 1.0));
-        let judged = judged(floor().chain(bird).chain(lamp).collect());
-        let high = judged.iter().filter(|(place, _)| place.z > 0.5);
-        let (birds, lamps): (Vec<_>, Vec<_>) = high.partition(|(place, _)| place.x < 1.5);
-        assert!(!birds.is_empty() && birds.iter().all(|(_, is_isolated)| *is_isolated));
-        assert!(!lamps.is_empty() && lamps.iter().all(|(_, is_isolated)| !is_isolated));
-    }
-
-    #[test]
-    fn a_sparse_wall_behind_a_dense_floor_stays() {
-        // A point to the cell of a seed, as rain has.
-        let wall = even(900, 3.0).map(|p| Local::new(p.x, 3.3, 0.3 + p.z));
-        let judged = judged(floor().chain(wall).collect());
-        let on_wall: Vec<_> = judged.iter().filter(|(place, _)| place.y > 3.2).collect();
-        let isolated = on_wall
-            .iter()
-            .filter(|(_, is_isolated)| *is_isolated)
-            .count();
-        assert!(
-            on_wall.len() > 300 && 20 * isolated < on_wall.len(),
-            "{isolated} of {}",
-            on_wall.len()
-        );
-    }
+/// Whether a seed with so many points `near` it stands for next to nothing compared with one that has `others` near it.
+fn is_small_beside(near: f64, others: f64) -> bool {
+    near <= SHARE_BESIDE_A_SURFACE * others
 }

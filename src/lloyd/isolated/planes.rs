@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix3;
 
-use super::linked::linked_to;
+use super::linked::visit_linked;
 use crate::{
     geometry::{Local, NeighborGrid, by_position, narrow_frame},
     lloyd::options::SolverOptions,
@@ -14,6 +14,8 @@ const FEWEST_ON_A_PLANE: usize = 5;
 const FEWEST_ON_A_SURFACE: usize = 10;
 /// A line, as a wire, is that of no fewer seeds.
 const FEWEST_ON_A_LINE: usize = 4;
+/// There are hardly ever more seeds around one.
+const SEEDS_AROUND: usize = 64;
 /// So much of the variance of seeds on a line is along it, at least.
 const SHARE_ALONG_A_LINE: f64 = 0.98;
 /// Largest standard deviation of the seeds across their plane.
@@ -108,9 +110,8 @@ fn lies_among(
     thickest_in_spacings: f64,
     is_among: impl Fn(usize) -> bool,
 ) -> bool {
-    let around = linked_to(seeds, position, options.plane_radius());
-    let among = around.filter(|&(seed, _)| is_among(seed));
-    match shape(among.map(|(_, seed)| seed - position).collect()) {
+    let around = steps_to(seeds, position, options.plane_radius(), is_among);
+    match shape(around) {
         Shape::Plane(plane) => {
             plane.thickness < thickest_in_spacings * options.spacing
                 && plane.is_near(Local::zeros(), options.spacing)
@@ -118,6 +119,22 @@ fn lies_among(
         Shape::Line => true,
         Shape::Neither => false,
     }
+}
+
+/// The ways from `position` to those seeds within `radius` of it that `is_among`.
+fn steps_to(
+    seeds: &NeighborGrid,
+    position: Local,
+    radius: f64,
+    is_among: impl Fn(usize) -> bool,
+) -> Vec<Local> {
+    let mut steps = Vec::with_capacity(SEEDS_AROUND);
+    visit_linked(seeds, position, radius, |seed, place| {
+        if is_among(seed) {
+            steps.push(place - position);
+        }
+    });
+    steps
 }
 
 /// The surface that a seed lies on, as a plane.
@@ -135,9 +152,7 @@ impl SurfacePlane {
         options: &SolverOptions,
         is_of_surface: impl Fn(usize) -> bool,
     ) -> Option<Self> {
-        let around = linked_to(seeds, position, options.surface_radius());
-        let of_surface = around.filter(|&(seed, _)| is_of_surface(seed));
-        let steps: Vec<Local> = of_surface.map(|(_, seed)| seed - position).collect();
+        let steps = steps_to(seeds, position, options.surface_radius(), is_of_surface);
         if steps.len() < FEWEST_ON_A_SURFACE {
             return None;
         }
