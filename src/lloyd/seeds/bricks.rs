@@ -1,19 +1,33 @@
 //! The points of a scan by brick, with the seeds around each brick: points near each other look for their seeds together.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::election::Election;
 use crate::{
-    geometry::{Local, NeighborGrid, Stored, by_position, cell_of},
+    geometry::{ITEMS_PER_TASK, Local, NeighborGrid, Stored, by_position, cell_of},
     lloyd::surface::bounding_box,
 };
 
 /// Edge of a brick.
 const BRICK_IN_SPACINGS: f64 = 4.0 / 3.0;
 
+/// Allowance for rounding in comparisons of distances, as a share of them.
+pub(super) const ROUNDING: f64 = 1e-9;
+
+/// Points of a scan, which several looks find in the same bricks.
+pub(super) struct Bricks<'a> {
+    pub(super) points: &'a [Stored],
+    /// The range of the points of each brick, and the corners of the box around them.
+    ranges: Vec<(Range<usize>, [Local; 2])>,
+}
+
 /// Some points, and the seeds around them.
-pub(super) struct Brick<'a, P> {
-    pub(super) points: &'a [P],
+pub(super) struct Brick<'a> {
+    pub(super) points: &'a [Stored],
+    /// The indices of the points among those of all bricks.
+    pub(super) range: Range<usize>,
     /// The middle of the points.
     pub(super) middle: Local,
     /// The seeds within reach, those nearest to the middle first.
@@ -31,26 +45,43 @@ pub(super) struct NearSeed {
 }
 
 impl Election<'_> {
-    /// Calls `work` for every brick of `points`, which are sorted by voxel and of which `stored` gives the places, with those
-    /// `among` the seeds that are within `reach` (spacings) of it; gives all results in the order of the points.
-    pub(super) fn by_brick<P: Sync, T: Send>(
-        &self,
-        points: &[P],
-        stored: impl Fn(&P) -> Stored + Sync,
-        among: &NeighborGrid,
-        reach: f64,
-        work: impl Fn(Brick<'_, P>) -> Vec<T> + Sync,
-    ) -> Vec<T> {
-        let field = self.surface.field();
+    /// The bricks of `points`, which are sorted by voxel.
+    pub(super) fn bricks<'a>(&self, points: &'a [Stored]) -> Bricks<'a> {
         // Bricks are small beside the places where the spacing is finest, too.
         let edge = BRICK_IN_SPACINGS * self.surface.options.finest_spacing();
+        let brick_of = |&point: &Stored| cell_of(self.local(point), edge);
+        let by_brick = points.par_chunk_by(|a, b| brick_of(a) == brick_of(b));
+        let with_corners = by_brick.map(|points| {
+            let places = points.iter().map(|&point| self.local(point));
+            (points.len(), bounding_box(places))
+        });
+        let mut end = 0;
+        let with_range = |(count, corners)| {
+            let start = end;
+            end += count;
+            (start..end, corners)
+        };
+        let counted: Vec<(usize, [Local; 2])> = with_corners.collect();
+        let ranges = counted.into_iter().map(with_range).collect();
+        Bricks { points, ranges }
+    }
+
+    /// Calls `work` for each of the `bricks`, with those `among` the seeds that are within `reach` (spacings) of it; gives all
+    /// results in the order of the points.
+    pub(super) fn by_brick<T: Send>(
+        &self,
+        bricks: &Bricks<'_>,
+        among: &NeighborGrid,
+        reach: f64,
+        work: impl Fn(Brick<'_>) -> Vec<T> + Sync,
+    ) -> Vec<T> {
+        let field = self.surface.field();
         let reach = reach * field.widening(reach);
-        let place_of = |point: &P| self.local(stored(point));
-        let brick_of = |point: &P| cell_of(place_of(point), edge);
-        points
-            .par_chunk_by(|a, b| brick_of(a) == brick_of(b))
-            .map_init(Vec::new, |seeds, points| {
-                let [low, high] = bounding_box(points.iter().map(place_of));
+        bricks
+            .ranges
+            .par_iter()
+            .with_max_len(ITEMS_PER_TASK)
+            .map_init(Vec::new, |seeds, (range, [low, high])| {
                 let middle = (low + high) * 0.5;
                 let around = Local::repeat(reach * field.at(middle));
                 seeds.clear();
@@ -67,7 +98,8 @@ impl Election<'_> {
                     by_distance.then_with(|| by_position(&a.position, &b.position))
                 });
                 work(Brick {
-                    points,
+                    points: &bricks.points[range.clone()],
+                    range: range.clone(),
                     middle,
                     seeds,
                 })

@@ -14,7 +14,7 @@
 
 use rayon::prelude::*;
 
-use super::{election::Election, nearest_seeds::REACH_IN_SPACINGS};
+use super::{bricks::Bricks, election::Election, nearest_seeds::REACH_IN_SPACINGS};
 use crate::geometry::{ITEMS_PER_TASK, Local, NeighborGrid, Stored, sort_words};
 
 /// Number of times that all seeds move. On a forest (0.8 M points to 8 K) one seed in eight still moves the second
@@ -32,19 +32,19 @@ const NEAR_IN_SPACINGS: f64 = 2.0;
 const LONGEST_STEP_IN_SPACINGS: f64 = 0.5 * (NEAR_IN_SPACINGS - CLEARANCE_IN_SPACINGS);
 
 impl Election<'_> {
-    /// Moves the seeds from number `first` on, which were elected among `points`, to the middle of the points around them. The
-    /// points are sorted by voxel. Gives the number of the seed that is nearest to each of them then; `None` if none is near.
-    pub(super) fn center(&mut self, first: usize, points: &[Stored]) -> Vec<Option<u32>> {
+    /// Moves the seeds from number `first` on, which were elected among the points of the `bricks`, to the middle of the points
+    /// around them. Gives the number of the seed that is nearest to each point then; `None` if none is near.
+    pub(super) fn center(&mut self, first: usize, bricks: &Bricks<'_>) -> Vec<Option<u32>> {
         let mut seeds = self.grid();
-        let mut nearest = self.nearest_seeds(points, &seeds);
+        let mut nearest = self.nearest_seeds(bricks, &seeds);
         for _ in 0..ROUNDS {
-            let moves = self.moves(&owned(&nearest, first), points, &seeds);
+            let moves = self.moves(&owned(&nearest, first), bricks.points, &seeds);
             let moved: Vec<usize> = moves.iter().map(|&(number, _)| number).collect();
             for (number, to) in moves {
                 self.seeds[number] = to;
             }
             seeds = self.grid();
-            self.renew_nearest(&mut nearest, points, &seeds, &moved);
+            self.renew_nearest(&mut nearest, bricks, &seeds, &moved);
         }
         nearest
     }
@@ -201,7 +201,7 @@ mod tests {
     /// The election among all points of `scan`.
     fn election<'a>(scan: &'a Scan, options: &'a SolverOptions) -> Election<'a> {
         let mut election = Election::new(Surface::new(scan, options));
-        election.elect_loose(scan.points(), |_, _| 1.0);
+        election.elect_loose(&election.bricks(scan.points()), |_, _| 1.0);
         election
     }
 
@@ -212,7 +212,7 @@ mod tests {
         let points = scan.points();
         let mut election = election(&scan, &options);
         let before = places(&election.seeds);
-        election.center(0, points);
+        election.center(0, &election.bricks(points));
         let after = places(&election.seeds);
 
         assert_eq!(before.len(), after.len());
@@ -236,7 +236,8 @@ mod tests {
         let options = SolverOptions::new(0.1);
         let scan = leaves(60_000, &options);
         let mut election = election(&scan, &options);
-        let nearest = election.center(0, scan.points());
+        let bricks = election.bricks(scan.points());
+        let nearest = election.center(0, &bricks);
         let left = LEFT_RADIUS_IN_SPACINGS * options.spacing;
         let farthest = |seeds: &[Stored]| {
             let distances = distances(&places(scan.points()), &places(seeds));
@@ -257,7 +258,7 @@ mod tests {
         let scan = Scan::as_scanned(points.clone(), QUANTIZATION, &options);
         let mut election = Election::new(Surface::new(&scan, &options));
         election.seeds = vec![at(0), at(2600), at(1000)];
-        election.center(2, &points);
+        election.center(2, &election.bricks(&points));
         let moved = election.seeds[2].x;
         assert!((moved - 1300).abs() < 60, "{moved}");
         assert_eq!(election.seeds[..2], [at(0), at(2600)]);

@@ -39,8 +39,9 @@ pub(super) fn elected(surface: Surface<'_>) -> Vec<Stored> {
         election.elect_points(&surfaces.concat(), &share_at);
     }
     let (on_surfaces, loose) = (election.seeds.len(), loose.concat());
-    election.elect_loose(&loose, &share_at);
-    let nearest = election.center(on_surfaces, &loose);
+    let bricks = election.bricks(&loose);
+    election.elect_loose(&bricks, &share_at);
+    let nearest = election.center(on_surfaces, &bricks);
     // Seeds that moved have left some points uncovered.
     election.elect_left(on_surfaces, &loose, &nearest, &share_at);
     election.elect(scan.filling().iter().copied(), GAP_RADIUS_IN_SPACINGS);

@@ -14,7 +14,7 @@
 
 use rayon::prelude::*;
 
-use super::election::Election;
+use super::{bricks::Bricks, election::Election};
 use crate::{
     geometry::{Local, NeighborGrid, Stored},
     lloyd::surface::Surface,
@@ -134,15 +134,15 @@ impl Uncovered {
 }
 
 impl Election<'_> {
-    /// Elects seeds among `points`, which lie on no surface and are sorted by voxel, until each is covered by a seed, with the share
-    /// of every radius that `share_at` gives at a position with a spacing (CRS units).
+    /// Elects seeds among the points of the `bricks`, which lie on no surface, until each is covered by a seed, with the share of
+    /// every radius that `share_at` gives at a position with a spacing (CRS units).
     pub(super) fn elect_loose(
         &mut self,
-        points: &[Stored],
+        bricks: &Bricks<'_>,
         share_at: impl Fn(Local, f64) -> f64 + Sync,
     ) {
         let radius = LOOSE_RADIUS_IN_SPACINGS;
-        self.elect_by_fronts(&self.uncovered(points, radius, share_at), radius);
+        self.elect_by_fronts(&self.uncovered(bricks, radius, share_at), radius);
     }
 
     /// Elects further seeds among these `points` once those from number `first` on have moved. Those before it stand on surfaces.
@@ -168,7 +168,7 @@ impl Election<'_> {
         let uncovered = with_nearest.filter(|&of_point| is_uncovered(of_point));
         let uncovered: Vec<Stored> = uncovered.map(|(&point, _)| point).collect();
         let of_surfaces = self.grid_of_first(first);
-        let mut left = self.uncovered(&uncovered, radius, share_at);
+        let mut left = self.uncovered(&self.bricks(&uncovered), radius, share_at);
         left.retain(|&(point, ..)| {
             let position = self.local(point);
             let reach = AWAY_FROM_SURFACES_IN_SPACINGS * field.at(position);
@@ -222,16 +222,15 @@ impl Election<'_> {
         RadiusScale { spacing, share }
     }
 
-    /// The `points` that no seed within `radius` (spacings) covers, in the order of their priorities.
+    /// The points of the `bricks` that no seed within `radius` (spacings) covers, in the order of their priorities.
     fn uncovered(
         &self,
-        points: &[Stored],
+        bricks: &Bricks<'_>,
         radius: f64,
         share_at: impl Fn(Local, f64) -> f64 + Sync,
     ) -> Vec<Distant> {
         let reach = NUCLEUS_DISTANCE_IN_SPACINGS;
-        let (itself, seeds) = (|&point: &Stored| point, self.grid());
-        let mut left: Vec<(u64, Distant)> = self.by_brick(points, itself, &seeds, reach, |brick| {
+        let mut left: Vec<(u64, Distant)> = self.by_brick(bricks, &self.grid(), reach, |brick| {
             let with_distance = |&point: &Stored| {
                 let position = self.local(point);
                 let scale = self.radius_scale(position, &share_at);

@@ -1,36 +1,33 @@
 //! Which seed is nearest to each point of the scan, and what of that changes when a few seeds move.
 
-use rayon::prelude::*;
-
-use super::{bricks::Brick, election::Election};
+use super::{
+    bricks::{Brick, Bricks, ROUNDING},
+    election::Election,
+};
 use crate::geometry::{Local, NeighborGrid, Stored, by_position};
 
 /// A seed is near a point within this radius.
 pub(super) const REACH_IN_SPACINGS: f64 = 1.0;
 
-/// Allowance for rounding in comparisons of distances, as a share of them.
-pub(super) const ROUNDING: f64 = 1e-9;
-
 impl Election<'_> {
-    /// For each of the `points`, which are sorted by voxel, the number of the nearest of all `seeds`; `None` if none is near.
+    /// For each point of the `bricks` the number of the nearest of all `seeds`; `None` if none is near.
     pub(super) fn nearest_seeds(
         &self,
-        points: &[Stored],
+        bricks: &Bricks<'_>,
         seeds: &NeighborGrid,
     ) -> Vec<Option<u32>> {
-        let itself = |&point: &Stored| point;
-        self.by_brick(points, itself, seeds, REACH_IN_SPACINGS, |brick| {
+        self.by_brick(bricks, seeds, REACH_IN_SPACINGS, |brick| {
             let places = brick.points.iter().map(|&point| self.local(point));
             places.map(|place| nearest_of(place, &brick)).collect()
         })
     }
 
-    /// Renews the seeds that were `nearest` to the `points`, which are sorted by voxel, before those with the numbers `moved` came
-    /// where all `seeds` are now.
+    /// Renews the seeds that were `nearest` to the points of the `bricks` before those with the numbers `moved` came where all
+    /// `seeds` are now.
     pub(super) fn renew_nearest(
         &self,
         nearest: &mut [Option<u32>],
-        points: &[Stored],
+        bricks: &Bricks<'_>,
         seeds: &NeighborGrid,
         moved: &[usize],
     ) {
@@ -43,38 +40,22 @@ impl Election<'_> {
         moved.iter().for_each(|&number| has_moved[number] = true);
 
         // Another seed is nearest only if the former one has moved, or one that has moved is as near.
-        let squared_distance = |(&point, &seed): (&Stored, &Option<u32>)| {
-            let seed = seed.filter(|&seed| !has_moved[seed as usize]);
-            let way = |seed: u32| self.local(self.seeds[seed as usize]) - self.local(point);
-            let squared = seed.map_or(f64::INFINITY, |seed| way(seed).norm_squared());
-            (point, squared)
-        };
-        let with_distance: Vec<(Stored, f64)> = points
-            .par_iter()
-            .zip(&*nearest)
-            .map(squared_distance)
-            .collect();
-        let point_of = |&(point, _): &(Stored, f64)| point;
-        let is_outdated = self.by_brick(
-            &with_distance,
-            point_of,
-            &moved_seeds,
-            REACH_IN_SPACINGS,
-            |brick| {
-                let is_outdated = |&(point, squared): &(Stored, f64)| {
-                    let place = self.local(point);
+        let known = &*nearest;
+        let outdated = self.by_brick(bricks, &moved_seeds, REACH_IN_SPACINGS, |brick| {
+            let is_outdated = |&index: &usize| {
+                let seed = known[index].filter(|&seed| !has_moved[seed as usize]);
+                seed.is_none_or(|seed| {
+                    let place = self.local(bricks.points[index]);
+                    let squared = (self.local(self.seeds[seed as usize]) - place).norm_squared();
                     let mut moved = brick.seeds.iter();
-                    squared.is_infinite()
-                        || moved.any(|seed| (seed.position - place).norm_squared() <= squared)
-                };
-                brick.points.iter().map(is_outdated).collect()
-            },
-        );
-        drop(with_distance);
+                    moved.any(|seed| (seed.position - place).norm_squared() <= squared)
+                })
+            };
+            brick.range.clone().filter(is_outdated).collect()
+        });
 
-        let outdated: Vec<usize> = (0..points.len()).filter(|&k| is_outdated[k]).collect();
-        let their_points: Vec<Stored> = outdated.iter().map(|&index| points[index]).collect();
-        let renewed = self.nearest_seeds(&their_points, seeds);
+        let their_points: Vec<Stored> = outdated.iter().map(|&k| bricks.points[k]).collect();
+        let renewed = self.nearest_seeds(&self.bricks(&their_points), seeds);
         for (index, seed) in outdated.into_iter().zip(renewed) {
             nearest[index] = seed;
         }
@@ -82,7 +63,7 @@ impl Election<'_> {
 }
 
 /// The number of the seed of `brick` that is nearest to `place`; of equally near ones that which comes first by its position.
-fn nearest_of<P>(place: Local, brick: &Brick<'_, P>) -> Option<u32> {
+fn nearest_of(place: Local, brick: &Brick<'_>) -> Option<u32> {
     let from_middle = (place - brick.middle).norm();
     let (mut best, mut nearest, mut farthest) = (f64::INFINITY, None, f64::INFINITY);
     for seed in brick.seeds {
@@ -151,13 +132,14 @@ mod tests {
             assert!(known.clone().count() > 3000);
             known.for_each(|(twin, found)| assert_eq!(twin, found));
         };
-        let mut nearest = election.nearest_seeds(points, &election.grid());
+        let bricks = election.bricks(points);
+        let mut nearest = election.nearest_seeds(&bricks, &election.grid());
         agree(&election, &nearest);
         let moved: Vec<usize> = (0..election.seeds.len()).step_by(9).collect();
         for &number in &moved {
             election.seeds[number].x += 4;
         }
-        election.renew_nearest(&mut nearest, points, &election.grid(), &moved);
+        election.renew_nearest(&mut nearest, &bricks, &election.grid(), &moved);
         agree(&election, &nearest);
     }
 }
