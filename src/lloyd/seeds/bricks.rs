@@ -76,7 +76,7 @@ impl Election<'_> {
         work: impl Fn(Brick<'_>) -> Vec<T> + Sync,
     ) -> Vec<T> {
         let field = self.surface.field();
-        let reach = reach * field.widening(reach);
+        let reach = reach * field.widening(reach) * (1.0 + ROUNDING);
         bricks
             .ranges
             .par_iter()
@@ -84,13 +84,16 @@ impl Election<'_> {
             .map_init(Vec::new, |seeds, (range, [low, high])| {
                 let middle = (low + high) * 0.5;
                 let around = Local::repeat(reach * field.at(middle));
+                let (low, high) = (low - around, high + around);
                 seeds.clear();
-                among.visit_box(low - around, high + around, |number, position| {
-                    seeds.push(NearSeed {
-                        position,
-                        number,
-                        from_middle: (position - middle).norm(),
-                    });
+                among.visit_box(low, high, |number, position| {
+                    if low <= position && position <= high {
+                        seeds.push(NearSeed {
+                            position,
+                            number,
+                            from_middle: (position - middle).norm(),
+                        });
+                    }
                 });
                 // Of equally near seeds the same comes first in every tile.
                 seeds.sort_unstable_by(|a, b| {
