@@ -26,9 +26,9 @@ use super::{
 pub(crate) const FACET_RADIUS_IN_FIT_RADII: f64 = 2.4;
 /// Radius of the neighbourhood of a sample that a candidate is fitted to.
 const CANDIDATE_RADIUS_IN_FIT_RADII: f64 = 0.42;
-/// Distances from a facet within which samples lie on it: where the scan has no noise, and where it has so much that a larger
-/// distance would make planes of anything.
+/// Distance from a facet within which samples lie on it where the scan has no noise.
 const LEAST_TOLERANCE_IN_FIT_RADII: f64 = 0.042;
+/// A larger distance would make planes of anything.
 const LARGEST_TOLERANCE_IN_FIT_RADII: f64 = 0.25;
 /// The distance where the scan has noise, in standard deviations of the flattest quarter of candidates, which is less than the
 /// noise: they have few samples.
@@ -60,13 +60,6 @@ const LEAST_CORRELATION: f64 = 0.05;
 const APART_IN_TOLERANCES: f64 = 4.0;
 /// A facet lies on one side of another if the samples on the wrong side have less than this share.
 const WRONG_SIDE_SHARE: f64 = 0.15;
-
-/// The search for facets among the samples around a site, from which they are seen.
-struct Search<'a> {
-    /// The samples, nearest first.
-    samples: &'a [FacetSample],
-    tolerance: Tolerance,
-}
 
 /// A plane fitted to the samples around one of them.
 struct Candidate {
@@ -106,15 +99,22 @@ fn count_within(samples: &[FacetSample], radius: f64) -> usize {
 /// The distance from a facet within which samples lie on it: the larger, the noisier the scan is. What the noise is the flattest
 /// of the `candidates` tell, since others lie across an edge. `None` in leaves and clutter, where none is flat.
 fn tolerance(candidates: &[Candidate], fit_radius: f64) -> Option<Tolerance> {
-    let mut deviations: Vec<f64> = candidates.iter().map(|one| one.deviation).collect();
-    let place = deviations.len() / 4;
-    if deviations.is_empty() {
+    if candidates.is_empty() {
         return None;
     }
-    let (_, noise, _) = deviations.select_nth_unstable_by(place, f64::total_cmp);
-    let distance = TOLERANCE_IN_DEVIATIONS * *noise / fit_radius;
-    let share = distance.max(LEAST_TOLERANCE_IN_FIT_RADII);
+    let mut deviations: Vec<f64> = candidates.iter().map(|one| one.deviation).collect();
+    let quarter = deviations.len() / 4;
+    let (_, noise, _) = deviations.select_nth_unstable_by(quarter, f64::total_cmp);
+    let in_noise = TOLERANCE_IN_DEVIATIONS * *noise / fit_radius;
+    let share = in_noise.max(LEAST_TOLERANCE_IN_FIT_RADII);
     (share <= LARGEST_TOLERANCE_IN_FIT_RADII).then(|| Tolerance::new(share * fit_radius))
+}
+
+/// The search for facets among the samples around a site, from which they are seen.
+struct Search<'a> {
+    /// The samples, nearest first.
+    samples: &'a [FacetSample],
+    tolerance: Tolerance,
 }
 
 impl Search<'_> {
