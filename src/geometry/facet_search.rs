@@ -192,15 +192,15 @@ impl Search<'_> {
         }
     }
 
-    /// Whether the `facets` explain enough of the samples within `fit_radius` (CRS units), and more than the patch does, of which
-    /// each sample has this `residual`.
+    /// Whether the `facets` explain enough of the samples that are `near`, within `fit_radius` (CRS units), and more than the
+    /// patch does, of which each sample has this `residual`.
     fn are_better(
         &self,
         facets: &[Facet],
+        near: &[FacetSample],
         fit_radius: f64,
         residual: impl Fn(&FacetSample) -> f64,
     ) -> bool {
-        let near = &self.samples[..count_within(self.samples, fit_radius)];
         let compared = Tolerance::new(COMPARED_TOLERANCE * self.tolerance.distance);
         let by_facets = explained(near, fit_radius, |sample| {
             let closeness = |facet: &Facet| compared.closeness(facet.height(sample.way));
@@ -282,7 +282,7 @@ impl Facets {
         for _ in 0..JOINT_ROUNDS {
             search.fit_together(&mut facets);
         }
-        if !search.are_better(&facets, fit_radius, residual) {
+        if !search.are_better(&facets, near, fit_radius, residual) {
             return None;
         }
         let sides = search.sides(&facets);

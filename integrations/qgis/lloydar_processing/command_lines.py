@@ -47,14 +47,14 @@ def command_line(algorithm: Algorithm, values: Mapping[str, Any]) -> list[str]:
 
 def conflict(algorithm: Algorithm, values: Mapping[str, Any]) -> str:
     """Return why values do not go together, or "" if they do."""
-    given = [name for name in ONE_OF if values.get(name)]
+    given = [name for name in ONE_OF if is_given(values.get(name))]
     if len(given) > 1:
         return f"Give one of spacing, count and ratio, not {len(given)} of them."
     drops = values.get("TRANSIENTS") == "drop"
-    trajectory = values.get("TRAJECTORY")
-    if drops and not trajectory:
+    has_trajectory = is_given(values.get("TRAJECTORY"))
+    if drops and not has_trajectory:
         return "Cars and people that have gone are found by the way of the scanner: give a trajectory."
-    if algorithm is RESAMPLE and trajectory and not drops:
+    if algorithm is RESAMPLE and has_trajectory and not drops:
         return "The trajectory is for cars and people that have gone: choose to drop them, or give no trajectory."
     return ""
 

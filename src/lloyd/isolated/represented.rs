@@ -1,10 +1,7 @@
 //! How many points of the scan seeds stand for, and how many are usual there.
 
 use super::blocks::Block;
-use crate::{
-    geometry::Local,
-    lloyd::{scan::points_of_weight, surface::Surface},
-};
+use crate::{geometry::Local, lloyd::surface::Surface};
 
 /// The points that a seed stands for are those nearer to it.
 const OWN_IN_SPACINGS: f64 = 1.0;
@@ -114,10 +111,10 @@ pub(super) fn usual_points(surface: Surface<'_>, seeds: &[Local]) -> f64 {
 /// No less than [`usual_points`] of any one seed of the `block`: a mean is no more than the largest number.
 pub(super) fn most_usual_points(surface: Surface<'_>, block: &Block) -> f64 {
     let [low, high] = block.corners_around(SURROUNDINGS_IN_SPACINGS * block.options.spacing);
-    let mut heaviest = 0.0_f32;
+    // As many are usual where there are none.
+    let mut most = average_points(surface) / VOXELS_OF_A_SEED;
     surface.scan.samples().visit_box(low, high, |sample, _| {
-        heaviest = heaviest.max(surface.scan.weight(sample));
+        most = most.max(surface.scan.points_of_sample(sample));
     });
-    let without_any = average_points(surface) / VOXELS_OF_A_SEED;
-    points_of_weight(heaviest).max(without_any)
+    most
 }

@@ -13,7 +13,6 @@ mod voxel;
 mod voxel_points;
 
 pub use points::Scan;
-pub(super) use points::points_of_weight;
 pub(crate) use thinned::{PointSum, PointTag, ThinnedPoints};
 pub(crate) use thinning::Thinning;
 pub(crate) use voxel_points::{PointsByIndex, VoxelPoints};

@@ -252,7 +252,7 @@ impl Scan {
     /// Number of points that sample `index` is the mean of, as nearly as its weight tells; 0 for the filling.
     pub(crate) fn points_of_sample(&self, index: u32) -> f64 {
         match (index as usize) < self.scanned_samples() {
-            true => points_of_weight(self.weights[index as usize]),
+            true => points_of(self.weights[index as usize]),
             false => 0.0,
         }
     }
@@ -308,7 +308,7 @@ fn weight_of(count: u64) -> f32 {
 }
 
 /// The number of points whose mean has `weight`: exact up to a thousand, at most some hundred million.
-pub(crate) fn points_of_weight(weight: f32) -> f64 {
+fn points_of(weight: f32) -> f64 {
     let missing = f64::max(1.0 - f64::from(weight), f64::from(f32::EPSILON));
     (HALF_WEIGHT_POINTS * (1.0 / missing - 1.0)).round()
 }
@@ -365,7 +365,7 @@ pub(super) mod tests {
     #[test]
     fn weights_tell_of_how_many_points_samples_are_the_mean() {
         for count in (1..=1000).chain([10_000, 1_000_000]) {
-            let told = points_of_weight(weight_of(count));
+            let told = points_of(weight_of(count));
             let tolerance = if count <= 1000 { 0.0 } else { 0.05 };
             let count = count as f64;
             assert!(
@@ -373,7 +373,7 @@ pub(super) mod tests {
                 "{told} of {count}"
             );
         }
-        assert!(points_of_weight(weight_of(u64::MAX)).is_finite());
+        assert!(points_of(weight_of(u64::MAX)).is_finite());
     }
 
     #[test]
