@@ -79,7 +79,7 @@ const AVERAGE_SHARE_OF_A_GROUP: f64 = 0.2;
 /// That share where no other seed is near, as with clumps of wrong returns below a street: a lamp has more.
 const AVERAGE_SHARE_OF_A_GROUP_ALONE: f64 = 3.0;
 /// So few points are a small group however sparse the scan is.
-const FEW_POINTS_OF_A_GROUP: f64 = 3.0;
+const FEW_POINTS_OF_A_GROUP: f64 = 4.0;
 
 /// Whether each of the seeds at `positions` is isolated. Those for which `matters` is false are not looked at.
 pub(super) fn are_isolated(

@@ -4,7 +4,8 @@ use rayon::prelude::*;
 
 use super::{
     election::{
-        ELECTION_RADIUS_IN_SPACINGS, Election, GAP_RADIUS_IN_SPACINGS, NODE_RADIUS_IN_SPACINGS,
+        ELECTION_RADIUS_IN_SPACINGS, Election, FILLING_RADIUS_IN_SPACINGS, GAP_RADIUS_IN_SPACINGS,
+        NODE_RADIUS_IN_SPACINGS,
     },
     nodes::{Nodes, RankedNodes},
     rule::SeedRule,
@@ -44,7 +45,7 @@ pub(super) fn elected(surface: Surface<'_>) -> Vec<Stored> {
     let nearest = election.center(on_surfaces, &bricks);
     // Seeds that moved have left some points uncovered.
     election.elect_left(on_surfaces, &loose, &nearest, &share_at);
-    election.elect(scan.filling().iter().copied(), GAP_RADIUS_IN_SPACINGS);
+    election.elect(scan.filling().iter().copied(), FILLING_RADIUS_IN_SPACINGS);
     election.seeds
 }
 

@@ -27,6 +27,11 @@ pub(super) const NODE_RADIUS_IN_SPACINGS: f64 = 0.7;
 /// 5 M points (100 K sites) 92.8 % of the sites have six neighbours with the election radius, 93.2 % with this one.
 pub(super) const GAP_RADIUS_IN_SPACINGS: f64 = 0.8;
 
+/// Radius of the election of positions of the filling. They are half a spacing apart, and so few in a small part that with the
+/// radius of other gaps too few seeds stand there. On the scan of a simulated tripod, 95 K points without isolated returns, 367 sites
+/// are farther than 1.3 mean distances from the next with this radius, and 392 with that of other gaps.
+pub(super) const FILLING_RADIUS_IN_SPACINGS: f64 = 0.65;
+
 /// The share of its radius with which an election among points of a scan, of which there are `count` to a seed, is as dense as it has
 /// to be.
 ///

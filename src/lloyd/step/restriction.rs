@@ -27,12 +27,21 @@ pub enum Restriction {
 /// curvature leave a right patch this far from the nearest point.
 const FLOOR_IN_SPACINGS: f64 = 0.1;
 
+/// The largest local threshold. A border is told by a ball that is wider than the threshold by four fifths, and has to fit into
+/// the neighbourhood of a fit. Where the scan is sparser than the output its holes are filled, and what is filled ends at a
+/// border, too: with a threshold of a spacing the sites of a small filled part spread beyond it. On the scan of a simulated
+/// tripod, 100 K points without isolated returns, δ was 0.076 with a threshold of a spacing, and is 0.068 with this one.
+const CEILING_IN_SPACINGS: f64 = 0.6;
+
 impl Restriction {
     /// The threshold (CRS units) at a site around which the scan has the spacing
     /// `input_spacing`, for an output at `spacing`.
     pub(super) fn threshold(self, input_spacing: f64, spacing: f64) -> f64 {
         match self {
-            Self::Local => input_spacing.clamp(FLOOR_IN_SPACINGS * spacing, spacing),
+            Self::Local => {
+                let [floor, ceiling] = [FLOOR_IN_SPACINGS, CEILING_IN_SPACINGS];
+                input_spacing.clamp(floor * spacing, ceiling * spacing)
+            }
             Self::Global(threshold) => threshold,
             Self::None => f64::INFINITY,
         }
