@@ -68,6 +68,8 @@ impl CountedCloud for Spill {
     ) -> Result<ThinnedPoints, TileError> {
         let thinning = Thinning::new(quantization, options);
         let mut all = GatheredPoints::new(thinning_limit as usize);
+        // Of cells that are thinned, only voxels on their borders could lose points.
+        let is_thinned = self.is_thinned_by(&thinning);
         self.gather_each(
             rect,
             |found: &mut GatheredPoints, spilled| {
@@ -79,7 +81,9 @@ impl CountedCloud for Spill {
                     }
                     Spilled::Sum(sum) => found.points.sums.push(*sum),
                 }
-                found.keep_to_limit(&thinning);
+                if !is_thinned {
+                    found.keep_to_limit(&thinning);
+                }
             },
             |found| {
                 all.points.append(found.points);

@@ -32,6 +32,8 @@ pub struct Spill {
     points: u64,
     /// The rules for the spacing at its points; `None` if it is the same everywhere.
     rules: Option<Arc<dyn SpacingRules>>,
+    /// The thinning that leaves the points of each cell as they are, because it has thinned them; `None` if none is known.
+    thinned_by: Option<Thinning>,
 }
 
 /// Where the points of a spill lie.
@@ -91,9 +93,16 @@ impl Spill {
         Ok(Self::of(Place::Files(files), index))
     }
 
-    /// A spill in memory: the points of each cell.
-    pub(super) fn in_memory(cells: BTreeMap<CellKey, CellPoints>, index: SpillIndex) -> Self {
-        Self::of(Place::Memory(cells), index)
+    /// A spill in memory: the points of each cell, which are `thinned_by` a thinning if there is one.
+    pub(super) fn in_memory(
+        cells: BTreeMap<CellKey, CellPoints>,
+        index: SpillIndex,
+        thinned_by: Option<Thinning>,
+    ) -> Self {
+        Self {
+            thinned_by,
+            ..Self::of(Place::Memory(cells), index)
+        }
     }
 
     fn of(place: Place, index: SpillIndex) -> Self {
@@ -103,6 +112,7 @@ impl Spill {
             place,
             index,
             rules: None,
+            thinned_by: None,
         }
     }
 
@@ -140,7 +150,13 @@ impl Spill {
                 points.thin(record_length, thinning);
                 points.records.shrink_to_fit();
             });
+            self.thinned_by = Some(*thinning);
         }
+    }
+
+    /// Whether the points of each cell have been thinned by `thinning`.
+    pub(super) fn is_thinned_by(&self, thinning: &Thinning) -> bool {
+        self.thinned_by.as_ref() == Some(thinning)
     }
 
     /// Removes the files of the spill, as far as the operating system permits.

@@ -196,7 +196,8 @@ impl SpillAppender {
             points.sums.shrink_to_fit();
             (cell, points)
         });
-        Ok(Spill::in_memory(cells.collect(), self.index))
+        let thinned_by = self.options.storage.thinning;
+        Ok(Spill::in_memory(cells.collect(), self.index, thinned_by))
     }
 
     /// Puts a part of a batch into the buffer of `cell`, in memory.

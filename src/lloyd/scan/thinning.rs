@@ -29,7 +29,7 @@ use crate::{
 };
 
 /// The rule by which points are thinned.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Thinning {
     quantization: Quantization,
     /// Edge of a voxel (CRS units).
