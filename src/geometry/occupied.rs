@@ -190,6 +190,17 @@ impl OccupiedCells {
         self.starts.windows(2).map(|w| w[0] as usize..w[1] as usize)
     }
 
+    /// The `points`, which are sorted by cell, in parts: those of each occupied cell.
+    pub(crate) fn split<'a, P>(&self, mut points: &'a mut [P]) -> Vec<&'a mut [P]> {
+        let mut parts = Vec::with_capacity(self.len());
+        for range in self.ranges() {
+            let (part, rest) = points.split_at_mut(range.len());
+            parts.push(part);
+            points = rest;
+        }
+        parts
+    }
+
     /// The range of points in the cell `index`; empty if there are none.
     pub(crate) fn range(&self, index: CellIndex) -> Range<usize> {
         self.index_of(index)

@@ -129,9 +129,12 @@ impl Scan {
         };
         let ranges: Vec<Range<usize>> = voxels.ranges().collect();
         let mut totals: Vec<PointSum> = ranges.into_par_iter().map(sum).collect();
-        for sum in &sums {
+        let voxel_of =
+            |sum: &PointSum| voxels.index_of(cell_of(quantization.local(sum.mean()), voxel));
+        let voxels_of_sums: Vec<Option<usize>> = sums.par_iter().map(voxel_of).collect();
+        for (sum, index) in sums.iter().zip(voxels_of_sums) {
             // A voxel on the rim of what is known may have lost its points.
-            if let Some(index) = voxels.index_of(cell_of(quantization.local(sum.mean()), voxel)) {
+            if let Some(index) = index {
                 totals[index].merge(sum);
             }
         }

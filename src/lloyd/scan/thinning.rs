@@ -18,6 +18,8 @@
 
 use std::cmp::Ordering;
 
+use rayon::prelude::*;
+
 use super::{
     thinned::{PointSum, PointTag, ThinnedPoints},
     voxel::voxel_edge,
@@ -183,36 +185,42 @@ pub(super) fn keep_first(
     if totals.iter().all(|total| total.count <= most as u64) {
         return;
     }
-    let mut first = Vec::with_capacity(MOST_IN_VOXEL);
+    let by_voxel = voxels.split(points).into_par_iter().zip(totals);
+    let counts: Vec<u32> = by_voxel
+        .map(|(points, total)| match total.count > most as u64 {
+            true => keep_first_of_voxel(points, seed) as u32,
+            false => points.len() as u32,
+        })
+        .collect();
     let mut end = 0;
-    let mut counts = Vec::with_capacity(totals.len());
-    for (range, total) in voxels.ranges().zip(totals) {
-        let start = end;
-        if total.count > most as u64 {
-            let by_index = Tagged {
-                points,
-                tags: &[],
-                order: |_, _| Ordering::Equal,
-            };
-            let mut voxel = VoxelPoints::crowded();
-            for index in range {
-                let point = points[index];
-                voxel.add(point, point.priority(seed), index as u32, &by_index, |_| {});
-            }
-            first.clear();
-            first.extend(voxel.kept().iter().map(|&index| points[index as usize]));
-            first.sort_unstable();
-            end += first.len();
-            points[start..end].copy_from_slice(&first);
-        } else {
-            end += range.len();
-            points.copy_within(range, start);
-        }
-        counts.push((end - start) as u32);
+    for (range, &count) in voxels.ranges().zip(&counts) {
+        points.copy_within(range.start..range.start + count as usize, end);
+        end += count as usize;
     }
     points.truncate(end);
     points.shrink_to_fit();
     voxels.set_counts(&counts);
+}
+
+/// Brings those `points` of a voxel that are kept to the front, and sorts them. Gives their number.
+fn keep_first_of_voxel(points: &mut [Stored], seed: u64) -> usize {
+    let by_index = Tagged {
+        points: &*points,
+        tags: &[],
+        order: |_, _| Ordering::Equal,
+    };
+    let mut voxel = VoxelPoints::crowded();
+    for (&point, index) in by_index.points.iter().zip(0..) {
+        voxel.add(point, point.priority(seed), index, &by_index, |_| {});
+    }
+    let mut first = [Stored { x: 0, y: 0, z: 0 }; MOST_IN_VOXEL];
+    let count = voxel.kept().len();
+    for (first, &index) in first.iter_mut().zip(voxel.kept()) {
+        *first = points[index as usize];
+    }
+    first[..count].sort_unstable();
+    points[..count].copy_from_slice(&first[..count]);
+    count
 }
 
 #[cfg(test)]
