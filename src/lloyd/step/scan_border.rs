@@ -202,6 +202,33 @@ mod tests {
     }
 
     #[test]
+    fn what_is_filled_ends_at_a_border() {
+        let quantization = Quantization {
+            scale: 0.001,
+            offset: [0.0; 3],
+        };
+        // Five rows of returns, farther apart than sites are to be: the holes between them are closed.
+        let rows = (-4..=0).flat_map(|i| (-4..=4).map(move |j| [i, j]));
+        let points = rows
+            .map(|[i, j]| Local::new(1.5 * f64::from(i), 1.5 * f64::from(j), 0.0))
+            .filter_map(|place| quantization.stored(place))
+            .collect();
+        let options = SolverOptions::new(1.0);
+        let scan = Scan::new(points, quantization, &options);
+        let standing = |x: f64| {
+            let position = Local::new(x, 0.7, 0.0);
+            let mut border = ScanBorder::new(position, &[], 1.5, options.fit_radius);
+            border.place(position, Surface::new(&scan, &options))
+        };
+        assert_eq!(standing(-0.8), Standing::OnScan);
+        assert_eq!(standing(0.8), Standing::Away);
+        let Standing::BeyondBorder(way) = standing(0.5) else {
+            panic!("{:?}", standing(0.5));
+        };
+        assert!(way.x < -0.1, "{way}");
+    }
+
+    #[test]
     fn the_rule_of_the_paper_knows_no_border() {
         let global = |x| standing(Restriction::Global(0.1), [x, 0.0]);
         assert_eq!(global(0.09), Standing::OnScan);
