@@ -239,13 +239,14 @@ fn a_job_directory_is_one_jobs() {
         .map(str::to_owned)
     };
     let start = |spacing| start(&arguments(spacing).each_ref().map(String::as_str));
-    let mut first = start("0.1");
+    // The first works for longer than the second waits for it.
+    let mut first = start("0.03");
     let begun = Instant::now();
     while !job.join("job.json").exists() {
         assert!(begun.elapsed() < Duration::from_secs(20));
         std::thread::sleep(Duration::from_millis(5));
     }
-    let second = start("0.1").wait_with_output().unwrap();
+    let second = start("0.03").wait_with_output().unwrap();
     assert_eq!(second.status.code(), Some(1));
     assert!(
         stderr(&second).contains("another process"),
