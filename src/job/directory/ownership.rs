@@ -266,22 +266,26 @@ fn other_job(path: &Path, found: &serde_json::Value, wanted: &serde_json::Value)
 fn lock(path: &Path) -> Result<(File, Vec<String>), JobError> {
     let begun = Instant::now();
     loop {
-        let is_late = begun.elapsed() >= LONGEST_WAIT;
-        match try_lock(path) {
+        let error = match try_lock(path) {
             Ok(Some(locked)) => return Ok(locked),
-            Ok(None) if is_late => {
-                let problem =
-                    "another process is at work on this job; wait for it, or choose another --job";
-                return Err(refused(path, problem));
-            }
+            Ok(None) => refused(
+                path,
+                "another process is at work on this job; wait for it, or choose another --job",
+            ),
             // A process that completes its job removes the directory, perhaps at this moment.
-            Err(JobError::Io { source, .. })
-                if source.kind() == io::ErrorKind::NotFound && !is_late => {}
+            Err(error) if is_missing(&error) => error,
             Err(error) => return Err(error),
-            Ok(None) => {}
+        };
+        if begun.elapsed() >= LONGEST_WAIT {
+            return Err(error);
         }
         thread::sleep(BETWEEN_TRIES);
     }
+}
+
+/// Whether `error` is that a file or directory is not there.
+fn is_missing(error: &JobError) -> bool {
+    matches!(error, JobError::Io { source, .. } if source.kind() == io::ErrorKind::NotFound)
 }
 
 /// Locks the directory like [`lock`] unless another process has locked it.

@@ -160,25 +160,26 @@ mod tests {
         lloyd::{Restriction, Scan, SolverOptions},
     };
 
+    const QUANTIZATION: Quantization = Quantization {
+        scale: 0.001,
+        offset: [0.0; 3],
+    };
+
     /// Where `(x, y)` is on a plane with a point every 0.1, which ends at x = 0, for an output at 0.5.
     fn standing(restriction: Restriction, [x, y]: [f64; 2]) -> Standing {
-        let quantization = Quantization {
-            scale: 0.001,
-            offset: [0.0; 3],
-        };
         let columns = (-40..=0).flat_map(|i| (-40..40).map(move |j| [i, j]));
         let points = columns
             .map(|[i, j]| Local::new(0.1 * f64::from(i), 0.1 * f64::from(j), 0.0))
-            .filter_map(|place| quantization.stored(place))
+            .filter_map(|place| QUANTIZATION.stored(place))
             .collect();
         let options = SolverOptions {
             restriction,
             ..SolverOptions::new(0.5)
         };
-        let scan = Scan::as_scanned(points, quantization, &options);
+        let scan = Scan::as_scanned(points, QUANTIZATION, &options);
         let position = Local::new(x, y, 0.0);
         let radius = options.fit_radius;
-        let within = scan.points().iter().map(|&point| quantization.local(point));
+        let within = scan.points().iter().map(|&point| QUANTIZATION.local(point));
         let within: Vec<Local> = within
             .filter(|point| (point - position).norm() < radius)
             .collect();
@@ -203,18 +204,14 @@ mod tests {
 
     #[test]
     fn what_is_filled_ends_at_a_border() {
-        let quantization = Quantization {
-            scale: 0.001,
-            offset: [0.0; 3],
-        };
         // Five rows of returns, farther apart than sites are to be: the holes between them are closed.
         let rows = (-4..=0).flat_map(|i| (-4..=4).map(move |j| [i, j]));
         let points = rows
             .map(|[i, j]| Local::new(1.5 * f64::from(i), 1.5 * f64::from(j), 0.0))
-            .filter_map(|place| quantization.stored(place))
+            .filter_map(|place| QUANTIZATION.stored(place))
             .collect();
         let options = SolverOptions::new(1.0);
-        let scan = Scan::new(points, quantization, &options);
+        let scan = Scan::new(points, QUANTIZATION, &options);
         let standing = |x: f64| {
             let position = Local::new(x, 0.7, 0.0);
             let mut border = ScanBorder::new(position, &[], 1.5, options.fit_radius);
