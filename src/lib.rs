@@ -34,9 +34,9 @@
 //! pass of the scanner saw it can be found by the others (`transients`), and left out from here on. **Scatter**
 //! decodes every file once (`las`) and adds each point to the *spill* of its cell, a square of an integer grid
 //! (`tile`), in memory or on disk. What is denser than the output can use is *thinned*: a voxel keeps a few points
-//! and the sum of the others. Now the true counts are known: one spacing for the whole cloud is chosen (`spacing`), and
-//! the **plan** cuts the plane into tiles whose points fit the memory budget together with a *halo* of their
-//! neighbours' points (`tiling`).
+//! and the sum of the others. Now the true counts are known: one spacing for the whole cloud is chosen and the
+//! directions that many of its planes face are found (`spacing`), and the **plan** cuts the plane into tiles whose points
+//! fit the memory budget together with a *halo* of their neighbours' points (`tiling`).
 //!
 //! A tile is **solved** alone (`lloyd`): seeds are elected from the scan by a rule that looks at a
 //! neighbourhood only, and are moved, iteration by iteration, to the centroids of their Voronoi cells,
@@ -131,8 +131,9 @@ pub mod internals {
         },
         las::{LasError, PlyFile, PlyStream, PointCounts},
         lloyd::{
-            AREA_PER_SEED, Acceleration, Grading, Restriction, Scan, SeedRule, Site, Solution,
-            SolverOptions, TileRegion, describe_positions, elect, solve, uniformity,
+            AREA_PER_SEED, Acceleration, DominantNormals, Grading, Restriction, Scan, SeedRule,
+            Site, Solution, SolverOptions, TileRegion, describe_positions, elect, solve,
+            uniformity,
         },
         quality::{
             CellFigures, DistanceFigures, DistanceSums, DistanceTally, Uniformity, UniformityTally,

@@ -17,7 +17,7 @@ const SIZE: f64 = 1000.0;
 
 /// Draws `cloud` to `path`, and says how few sites make up half of δ².
 pub(crate) fn draw(cloud: &Cloud, path: &Path) {
-    let options = Method::Ours.options(cloud, methods::spacing(cloud, Method::Ours));
+    let options = Method::Ours.solver_options(cloud, methods::spacing(cloud, Method::Ours));
     let solution = solve(
         &methods::scan(cloud, &options),
         &TileRegion::everything(),

@@ -21,6 +21,8 @@ pub(crate) struct Cloud {
     pub(crate) count: usize,
     pub(crate) truth: Option<Truth>,
     pub(crate) edge: Option<Truth>,
+    /// Whether a place (world coordinates) is on a large plane.
+    pub(crate) plane: Option<Box<dyn Fn([f64; 3]) -> bool + Sync>>,
     /// Reach of the noise, where there is some.
     pub(crate) smooth: Option<f64>,
 }
@@ -134,6 +136,7 @@ fn cloud(name: impl Into<String>, places: &[Local], count: usize, truth: Truth) 
         count,
         truth: Some(truth),
         edge: None,
+        plane: None,
         smooth: None,
     }
 }
@@ -234,16 +237,18 @@ fn of_world(name: &str, world: &[[f64; 3]], count: usize, truth: Option<Truth>) 
         count,
         truth,
         edge: None,
+        plane: None,
         smooth: None,
     }
 }
 
 fn of_street(name: &str, street: Street, world: &[[f64; 3]], count: usize) -> Cloud {
     let street = Arc::new(street);
-    let truth = Arc::clone(&street);
+    let [truth, edges] = [&street, &street].map(Arc::clone);
     Cloud {
         truth: Some(Box::new(move |place| truth.distance_to_surface(place))),
-        edge: Some(Box::new(move |place| street.distance_to_edge(place))),
+        edge: Some(Box::new(move |place| edges.distance_to_edge(place))),
+        plane: Some(Box::new(move |place| street.is_on_large_plane(place))),
         ..of_world(name, world, count, None)
     }
 }

@@ -48,9 +48,9 @@ fn main() {
     }
     println!(
         "| cloud | method | n | δ | δ trimmed | σ/d̄ | 1 − ε | energy | area CV | packing | six | min | p1 | \
-         p99 | accuracy mean | p99 | at edges | coverage p99 | astray | held | open | s |"
+         p99 | accuracy mean | p99 | at edges | energy on planes | coverage p99 | astray | held | open | s |"
     );
-    println!("|{}", " --- |".repeat(22));
+    println!("|{}", " --- |".repeat(23));
     for (_, cloud) in clouds() {
         // The same length for all methods.
         let unit = methods::spacing(&cloud, Method::Ours);
@@ -108,13 +108,14 @@ fn print_row(cloud: &Cloud, method: Method, unit: f64) {
         accuracy,
         coverage,
         at_edges,
+        on_planes,
         astray,
         held,
         open,
     } = methods::run(cloud, method, spacing);
     println!(
         "| {} | {} | {} | {:.4} | {:.4} | {:.4} | {:.4} | {:.4} | {:.4} | {:.4} | {:.3} | {:.3} | {:.3} | {:.3} | \
-         {:.3} h | {:.3} h | {:.4} h | {:.2} h | {astray} | {held:.2} | {open:.2} | {seconds:.1} |",
+         {:.3} h | {:.3} h | {:.4} h | {on_planes:.4} | {:.2} h | {astray} | {held:.2} | {open:.2} | {seconds:.1} |",
         cloud.name,
         method.name(),
         f.count,

@@ -3,9 +3,9 @@
 use std::{collections::BTreeMap, time::Instant};
 
 use lloydar::internals::{
-    AREA_PER_SEED, Acceleration, DistanceFigures, DistanceTally, Local, NeighborGrid, PatchKind,
-    Restriction, Scan, SeedRule, Site, SolverOptions, Stored, TileRegion, Uniformity,
-    describe_positions, elect, solve, uniformity,
+    AREA_PER_SEED, Acceleration, CellFigures, DistanceFigures, DistanceTally, DominantNormals,
+    Local, NeighborGrid, PatchKind, Restriction, Scan, SeedRule, Site, SolverOptions, Stored,
+    TileRegion, Uniformity, UniformityTally, describe_positions, elect, solve, uniformity,
 };
 
 use crate::clouds::{Cloud, Dice};
@@ -85,6 +85,17 @@ impl Method {
         }
         options
     }
+
+    /// The options with which `cloud` is solved: as those of the method, and with the directions that its planes face.
+    pub(crate) fn solver_options(self, cloud: &Cloud, spacing: f64) -> SolverOptions {
+        let mut options = self.options(cloud, spacing);
+        if options.seeds == SeedRule::Hexagonal {
+            let points = cloud.points.clone();
+            options.dominant_normals =
+                DominantNormals::of_points(points, &cloud.quantization, &options);
+        }
+        options
+    }
 }
 
 /// Mean distance between neighbouring points; the paper's threshold is 0.5 to 1.5
@@ -118,7 +129,7 @@ pub(crate) fn curve(
     let options = SolverOptions {
         seeds: rule,
         acceleration,
-        ..Method::Ours.options(cloud, spacing)
+        ..Method::Ours.solver_options(cloud, spacing)
     };
     let scan = scan(cloud, &options);
     let start = Instant::now();
@@ -138,6 +149,9 @@ pub(crate) struct Outcome {
     /// As the accuracy, of sites within two spacings of an edge; NaN where no
     /// edges are known.
     pub(crate) at_edges: DistanceFigures,
+    /// The energy ratio of closed cells on large planes, on patches that are trusted fully and more than 1.5 spacings from an
+    /// edge; NaN where no planes are known.
+    pub(crate) on_planes: f64,
     /// Sites farther from the scan than it is dense around them.
     pub(crate) astray: usize,
     pub(crate) held: f64,
@@ -145,7 +159,7 @@ pub(crate) struct Outcome {
 }
 
 pub(crate) fn run(cloud: &Cloud, method: Method, spacing: f64) -> Outcome {
-    let options = method.options(cloud, spacing);
+    let options = method.solver_options(cloud, spacing);
     let start = Instant::now();
     let places = match method {
         Method::Random => random(cloud),
@@ -169,7 +183,7 @@ pub(crate) fn spacing(cloud: &Cloud, method: Method) -> f64 {
     // Were it a cube.
     let mut spacing = (6.0 * extent(cloud).powi(2) / cloud.count as f64).sqrt() * 0.5;
     for _ in 0..12 {
-        let options = method.options(cloud, spacing);
+        let options = method.solver_options(cloud, spacing);
         let made = elect(&scan(cloud, &options), &options).identities.len();
         let error = made as f64 / cloud.count as f64;
         if (error - 1.0).abs() < 0.003 {
@@ -220,6 +234,7 @@ fn judge(cloud: &Cloud, places: &[Local], seconds: f64) -> Outcome {
     let mut accuracy = DistanceTally::new(spacing);
     let mut coverage = DistanceTally::new(spacing);
     let mut at_edges = DistanceTally::new(spacing);
+    let mut on_planes = UniformityTally::new(spacing);
     let mut astray = 0;
     for site in &sites {
         let near = scan.nearest(site.position, 8.0 * spacing);
@@ -229,12 +244,18 @@ fn judge(cloud: &Cloud, places: &[Local], seconds: f64) -> Outcome {
         let place = [x + a, y + b, z + c];
         let off = cloud.truth.as_ref().map_or(to_scan, |truth| truth(place));
         accuracy.push(off);
-        if cloud
-            .edge
-            .as_ref()
-            .is_some_and(|edge| edge(place) <= 2.0 * spacing)
-        {
+        let to_edge = cloud.edge.as_ref().map(|edge| edge(place));
+        if to_edge.is_some_and(|distance| distance <= 2.0 * spacing) {
             at_edges.push(off);
+        }
+        let is_plane = cloud.plane.as_ref().is_some_and(|plane| plane(place));
+        let is_inside = to_edge.is_some_and(|distance| distance > 1.5 * spacing);
+        if is_plane && is_inside && is_counted(site) && site.trust >= 1.0 {
+            on_planes.push_cell(CellFigures {
+                area: site.area,
+                energy: site.energy,
+                neighbors: site.neighbors,
+            });
         }
         astray += usize::from(to_scan > 0.5 * spacing && is_astray(&scan, site.position, to_scan));
     }
@@ -252,6 +273,7 @@ fn judge(cloud: &Cloud, places: &[Local], seconds: f64) -> Outcome {
         accuracy: accuracy.figures(),
         coverage: coverage.figures(),
         at_edges: at_edges.figures(),
+        on_planes: on_planes.figures().energy_ratio,
         astray,
         held: share(|site| site.is_fixed),
         open: share(|site| !site.is_closed),

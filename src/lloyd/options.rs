@@ -2,7 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{acceleration::Acceleration, field::Grading, seeds::SeedRule, step::Restriction};
+use super::{
+    acceleration::Acceleration,
+    field::Grading,
+    seeds::{DominantNormals, SeedRule},
+    step::Restriction,
+};
 use crate::geometry::PatchKind;
 
 /// The options of one solve. Lengths are CRS units.
@@ -23,6 +28,9 @@ pub struct SolverOptions {
     pub iterations: u32,
     /// The rule by which seeds are chosen.
     pub seeds: SeedRule,
+    /// The directions that many planes of the whole cloud face. Lattices of seeds stand across them.
+    #[serde(default)]
+    pub dominant_normals: DominantNormals,
     /// Share of the points of the scan that become random seeds.
     pub seeds_per_point: f64,
     /// How centroids are extrapolated to the positions of the next iteration.
@@ -71,6 +79,7 @@ impl SolverOptions {
             fill: FILL_IN_SPACINGS * spacing,
             iterations: 20,
             seeds: SeedRule::default(),
+            dominant_normals: DominantNormals::default(),
             seeds_per_point: 0.0,
             acceleration: Acceleration::default(),
             patch: PatchKind::default(),

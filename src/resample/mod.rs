@@ -25,7 +25,7 @@ use crate::{
     lloyd::{
         Scan, Site, Solution, SolverOptions, TileRegion, WantedCount, solve_with_rings, uniformity,
     },
-    spacing::{Target, resolve},
+    spacing::{Target, dominant_normals, resolve},
     tiling::{CellGrid, CloudInMemory},
 };
 
@@ -242,7 +242,9 @@ impl Cloud {
         let wanted = options
             .target
             .wanted_count(count, options.exact, &options.solver);
-        Ok((options.solver.at(spacing, sites_per_point), wanted))
+        let mut solver = options.solver.at(spacing, sites_per_point);
+        solver.dominant_normals = dominant_normals(&counted, &self.quantization, &solver)?;
+        Ok((solver, wanted))
     }
 }
 

@@ -6,11 +6,16 @@ use super::{
     edges::Edges,
     options::StreetOptions,
     passing::AllPassing,
-    road::Road,
+    road::{FACADE_Y, Road},
     solids::{Hit, Material, Solids},
     world::from_world,
 };
 use crate::geometry::{GridWalk, Local};
+
+/// Between the facades only road and pavements are lower (m).
+const LOW: f64 = 0.22;
+/// Whatever is as near to the plane of a facade is on it (m).
+const NEAR_FACADE: f64 = 0.02;
 
 /// The surfaces of a street.
 #[derive(Debug)]
@@ -55,6 +60,15 @@ impl Street {
     /// kerbs, boxes, walls and windows; infinite beyond 40 m.
     pub fn distance_to_edge(&self, position: [f64; 3]) -> f64 {
         self.edges.distance(from_world(position))
+    }
+
+    /// Returns whether `position` (world coordinates, m), next to a true surface, lies on one of the large planes: the road, a
+    /// pavement or a facade.
+    pub fn is_on_large_plane(&self, position: [f64; 3]) -> bool {
+        let at = from_world(position);
+        let across = at.y.abs();
+        let is_on_ground = across < FACADE_Y && at.z < LOW;
+        is_on_ground || (across - FACADE_Y).abs() < NEAR_FACADE
     }
 
     /// Returns the first surface that the ray meets within `range`.

@@ -6,6 +6,7 @@
 //! for, a round spacing is proposed ([`RoundSpacings`]).
 
 mod distinct;
+mod facing;
 mod round;
 mod sample;
 mod search;
@@ -14,6 +15,7 @@ mod tests;
 
 use serde::{Deserialize, Serialize};
 
+pub(crate) use facing::dominant_normals;
 pub(crate) use round::{RoundSpacing, RoundSpacings, VoxelCounts};
 pub(crate) use search::{estimated_count, spacing_for_count};
 

@@ -17,7 +17,7 @@ use crate::{
         progress::Progress,
         resources::{mebibytes, peak_resident},
     },
-    lloyd::SolverOptions,
+    lloyd::{DominantNormals, SolverOptions},
     tiling::Plan,
 };
 
@@ -30,6 +30,9 @@ pub(crate) struct JobPlan {
     pub(crate) spacing: f64,
     /// Approximate number of points of the output.
     pub(crate) points_out: u64,
+    /// The directions that many planes of the scan face.
+    #[serde(default)]
+    pub(crate) dominant_normals: DominantNormals,
     /// The tiles.
     pub(crate) plan: Plan,
     /// Whether all tiles do a part of the iterations before any tile does the rest.
@@ -54,9 +57,11 @@ pub(crate) struct JobPlan {
 impl JobPlan {
     /// The options of the solver at the spacing of this plan, by `settings`.
     pub(crate) fn options(&self, settings: &Settings) -> SolverOptions {
-        settings
-            .solver
-            .at(self.spacing, self.points_out as f64 / self.points as f64)
+        let sites_per_point = self.points_out as f64 / self.points as f64;
+        SolverOptions {
+            dominant_normals: self.dominant_normals,
+            ..settings.solver.at(self.spacing, sites_per_point)
+        }
     }
 }
 
@@ -123,6 +128,7 @@ pub(super) fn plan_tiles(
         points: spill.points(),
         spacing: options.spacing,
         points_out,
+        dominant_normals: options.dominant_normals,
         halo,
         memory: needed.max(run.budget.least()),
         budget: run.budget.total,

@@ -27,7 +27,11 @@ use crate::job::{
     progress::Progress,
     resources::mebibytes,
 };
-use crate::{lloyd::Thinning, spacing::Target, tile::Spill};
+use crate::{
+    lloyd::Thinning,
+    spacing::{Target, dominant_normals},
+    tile::Spill,
+};
 
 /// Brings the job to the point where its tiles can be solved, from where earlier runs stopped.
 /// Returns `None` if an earlier run has delivered the output. If several processes have begun to
@@ -187,7 +191,8 @@ fn choose_plan(
     };
     let (spacing, points_out) = choose_spacing(&cloud)?;
     let sites_per_point = points_out as f64 / spill.points() as f64;
-    let options = settings.solver.at(spacing, sites_per_point);
+    let mut options = settings.solver.at(spacing, sites_per_point);
+    options.dominant_normals = dominant_normals(&*spill, &survey.quantization, &options)?;
 
     // Points in memory that no tile will use make room. With a known spacing they did as they came.
     let transfer = Transfer::new(&survey.record, settings);

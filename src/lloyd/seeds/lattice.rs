@@ -5,12 +5,13 @@
 //!   row 0   o   o   o   o      distance of the rows: √3/2 spacings
 //! ```
 //!
-//! The lattice follows from a normal alone, rounded to one of a few directions: two tiles, and
-//! two ends of a long wall, have the same nodes. Rows run along x; where the normal is nearest to
+//! The lattice follows from a normal alone, which is rounded to one of the directions that many planes of the cloud
+//! face or to one of a few others: two tiles, and two ends of a long wall, have the same nodes. Rows run along x; where the normal is nearest to
 //! x, along z. Rows of the one and of the other kind then fit each other where a surface turns
 //! from z to x, and rows along x where it turns from z to y. Only products and roots are used, so
 //! that every machine finds the same bits.
 
+use super::dominant_normals::{DominantNormals, unit};
 use crate::geometry::Local;
 
 /// Distance between the rows of a hexagonal lattice: √3/2.
@@ -26,10 +27,13 @@ pub const AREA_PER_SEED: f64 = ROW_IN_SPACINGS;
 /// 1.010 with steps of 0.4.
 const NORMAL_STEP: f64 = 2.0 / 3.0;
 
+/// The first value of the keys of lattices across dominant normals. Those of other lattices have an axis there.
+const DOMINANT: i8 = 3;
+
 /// A hexagonal lattice by the directions along and across its rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Lattice {
-    /// The rounded normal; equal lattices have equal keys.
+    /// The normal as it is rounded; equal lattices have equal keys.
     pub(super) key: [i8; 4],
     /// Unit vectors along and across the rows.
     axes: [Local; 2],
@@ -44,21 +48,38 @@ pub(super) struct NearestNode {
 }
 
 impl Lattice {
-    /// The lattice in the plane with the normal `normal`, rounded.
-    pub(super) fn across(normal: Local) -> Self {
+    /// The lattice of a plane with the unit normal `normal`: that of the nearest of the `dominant` normals, or of one of the
+    /// few directions.
+    pub(super) fn across(normal: Local, dominant: &DominantNormals) -> Self {
+        match dominant.nearest(normal) {
+            Some([x, y, z]) => {
+                let unit = unit([x, y, z]);
+                Self::across_exactly(unit, unit.iamax(), [DOMINANT, x, y, z])
+            }
+            None => Self::across_rounded(normal),
+        }
+    }
+
+    /// The lattice across the one of the few directions to which `normal` is rounded.
+    pub(super) fn across_rounded(normal: Local) -> Self {
         let largest = normal.iamax();
         let mut steps = normal.map(|c| (c / normal[largest] / NORMAL_STEP).round());
         steps[largest] = 2.0;
-        let n = steps
+        let unit = steps
             .map(|c| (c * NORMAL_STEP).clamp(-1.0, 1.0))
             .normalize();
+        let [x, y, z] = steps.map(|c| c as i8).into();
+        Self::across_exactly(unit, largest, [largest as i8, x, y, z])
+    }
+
+    /// The lattice in the plane with the unit normal `normal`, whose component `largest` is the largest.
+    fn across_exactly(normal: Local, largest: usize, key: [i8; 4]) -> Self {
         let mut u = Local::zeros();
         u[if largest == 0 { 2 } else { 0 }] = 1.0;
-        let u = (u - n * n.dot(&u)).normalize();
-        let [x, y, z] = steps.map(|c| c as i8).into();
+        let u = (u - normal * normal.dot(&u)).normalize();
         Self {
-            key: [largest as i8, x, y, z],
-            axes: [u, n.cross(&u)],
+            key,
+            axes: [u, normal.cross(&u)],
         }
     }
 
@@ -112,17 +133,32 @@ mod tests {
 
     #[test]
     fn planes_of_like_normals_have_the_same_lattice() {
-        let turned = |by: f64| Lattice::across(Local::new(0.03 * by, -0.02, 1.0));
+        let turned = |by: f64| Lattice::across_rounded(Local::new(0.03 * by, -0.02, 1.0));
         assert_eq!(turned(1.0), turned(-2.0));
         // The side from which a plane is seen does not matter.
         assert_eq!(
-            Lattice::across(Local::new(0.1, 0.9, -0.2)),
-            Lattice::across(-Local::new(0.1, 0.9, -0.2))
+            Lattice::across_rounded(Local::new(0.1, 0.9, -0.2)),
+            Lattice::across_rounded(-Local::new(0.1, 0.9, -0.2))
         );
         for normal in [Local::new(0.5, 0.6, 1.0), Local::new(-1.0, 0.2, 0.1)] {
-            let [u, v] = Lattice::across(normal).axes;
+            let [u, v] = Lattice::across_rounded(normal).axes;
             assert!(u.dot(&v).abs() < 1e-12 && (u.norm() - 1.0).abs() < 1e-12);
             assert!(u.cross(&v).dot(&normal.normalize()).abs() > 0.93);
         }
+    }
+
+    #[test]
+    fn a_wall_with_a_dominant_normal_has_a_lattice_that_is_not_tilted() {
+        let wall = Local::new(0.94, 0.34, 0.0).normalize();
+        let walls = DominantNormals::among(std::iter::repeat_n(wall, 100));
+        let lattice = Lattice::across(wall, &walls);
+        assert!(lattice.tilt(wall) < 1e-4);
+        assert!(Lattice::across_rounded(wall).tilt(wall) > 0.02);
+        // Noise does not matter, and what faces elsewhere has another lattice.
+        for askew in [Local::new(0.96, 0.3, 0.02), Local::new(-0.92, -0.36, 0.01)] {
+            assert_eq!(Lattice::across(askew.normalize(), &walls), lattice);
+        }
+        let roof = Local::new(0.94, 0.34, 0.5).normalize();
+        assert_eq!(Lattice::across(roof, &walls), Lattice::across_rounded(roof));
     }
 }

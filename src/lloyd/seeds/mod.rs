@@ -7,6 +7,8 @@
 mod area;
 mod bricks;
 mod centering;
+mod coarse_normals;
+mod dominant_normals;
 mod elected;
 mod election;
 mod fronts;
@@ -20,6 +22,8 @@ mod seed_list;
 use super::{Scan, SolverOptions, surface::Surface};
 use crate::geometry::Rect;
 
+pub(crate) use coarse_normals::coarse_normals;
+pub use dominant_normals::DominantNormals;
 pub use lattice::AREA_PER_SEED;
 pub use rule::SeedRule;
 use seed_list::Seeds;

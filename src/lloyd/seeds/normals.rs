@@ -72,7 +72,10 @@ impl LatticeCells {
         let normals = normals(&middles, surface);
         let of_cell = |(cell, own): (usize, &Option<Local>)| {
             let normal = averaged(cell, middles[cell], (*own)?, &cells, &normals).normalize();
-            Some((Lattice::across(normal), normal))
+            Some((
+                Lattice::across(normal, &surface.options.dominant_normals),
+                normal,
+            ))
         };
         let of_cells: Vec<_> = normals.par_iter().enumerate().map(of_cell).collect();
         let around = |(cell, own): (usize, &Option<(Lattice, Local)>)| {
