@@ -1,7 +1,7 @@
 //! Triangles between even points: a mesh of the surfaces that the points lie on.
 //!
 //! ```text
-//!   points, normals ─► stars ─► agreement ─► holes ─► fringe ─► triangles ─► sides ─► oriented triangles
+//!   points, normals ─► stars ─► agreement ─► holes ─► fringe ─► diagonals ─► triangles ─► sides ─► oriented triangles
 //! ```
 //!
 //! The **star** of a point are the triangles that its Voronoi cell on the surface names: one for each corner
@@ -9,15 +9,17 @@
 //! name the same triangle, and together they are the restricted Delaunay triangulation. Where they differ,
 //! **agreement** chooses, so that no two triangles overlap and no edge has more than two. **Holes** that
 //! are narrower than a few spacings are closed; wider ones are borders. From their **fringe** slivers and loose ears are
-//! taken away. **Sides** turns the triangles of a component the same way around.
+//! taken away. Where the points were brought onto sharp edges, **diagonals** that cut across one are turned. **Sides** turns
+//! the triangles of a component the same way around.
 //!
-//! Every decision is made from what lies within [`REACH_IN_SPACINGS`] of it, in an order that the positions
+//! Every decision is made from what lies within [`MeshRules::reach_in_spacings`] of it, in an order that the positions
 //! give. So the mesh of a part of a cloud is that of the whole cloud, away from the borders of the part.
 //! Points without a normal, as those on wires and leaves, have no triangles unless they are asked for.
 
 mod agreement;
 mod by_corner;
 mod component;
+mod diagonals;
 mod edges;
 mod estimated_normals;
 mod figures;
@@ -25,6 +27,8 @@ mod fringe;
 mod holes;
 mod joined;
 mod part;
+#[cfg(test)]
+mod pleats_tests;
 mod point;
 mod sides;
 mod stars;
@@ -45,8 +49,8 @@ use crate::geometry::{Local, Quantization};
 /// A triangle by the indices of its corners.
 pub(crate) type Corners = [u32; 3];
 
-/// Whatever is decided depends on nothing farther away than this, in spacings.
-pub(crate) const REACH_IN_SPACINGS: f64 = estimated_normals::REACH
+/// Whatever is decided before diagonals are turned depends on nothing farther away than this, in spacings.
+const REACH_IN_SPACINGS: f64 = estimated_normals::REACH
     + stars::REACH
     + agreement::REACH
     + holes::REACH
@@ -62,6 +66,26 @@ pub(crate) enum MeshedPoints {
     Surfaces,
     /// All points with neighbours around them.
     All,
+}
+
+/// How the triangles of a cloud are chosen.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct MeshRules {
+    /// Which points have triangles.
+    pub(crate) points: MeshedPoints,
+    /// Whether diagonals that cut across a sharp edge are turned: the points there are on the planes that meet in it.
+    pub(crate) keeps_edges: bool,
+}
+
+impl MeshRules {
+    /// Whatever is decided depends on nothing farther away than this, in spacings.
+    pub(crate) fn reach_in_spacings(self) -> f64 {
+        let of_diagonals = match self.keeps_edges {
+            true => diagonals::REACH,
+            false => 0.0,
+        };
+        REACH_IN_SPACINGS + of_diagonals
+    }
 }
 
 /// Triangles between `positions`, each with its corners in ascending order; they are not turned
@@ -88,7 +112,7 @@ pub(crate) fn mesh_of_whole(
     quantization: &Quantization,
     spacing: f64,
 ) -> (Vec<Corners>, MeshFigures) {
-    let mut part = MeshedPart::new(0, points, quantization, spacing, MeshedPoints::Surfaces);
+    let mut part = MeshedPart::new(0, points, quantization, spacing, MeshRules::default());
     let mut sides = Sides::default();
     sides.add(&mut part);
     let MeshedPart {

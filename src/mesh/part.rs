@@ -8,8 +8,9 @@
 use rayon::prelude::*;
 
 use super::{
-    Corners, MeshedPoints,
+    Corners, MeshRules, MeshedPoints,
     component::Component,
+    diagonals,
     edges::EdgeTriangles,
     estimated_normals,
     figures::{AngleClass, MeshFigures},
@@ -103,13 +104,13 @@ pub(super) struct JointSide {
 
 impl MeshedPart {
     /// The mesh of the part with this `number` among these `points`, which are at home in it or around it, at `spacing`
-    /// (CRS units); `meshed` says which of them have triangles.
+    /// (CRS units); `rules` say which of them have triangles, and how those are chosen.
     pub(crate) fn new(
         number: u32,
         mut points: Vec<MeshPoint>,
         quantization: &Quantization,
         spacing: f64,
-        meshed: MeshedPoints,
+        rules: MeshRules,
     ) -> Self {
         points.par_sort_unstable_by_key(|point| (point.point, point.index));
         let own = points.iter().filter(|point| point.home == number).count() as u64;
@@ -120,14 +121,19 @@ impl MeshedPart {
             .map(|point| quantization.local(point.point))
             .collect();
         let mut normals: Vec<Option<Local>> = points.iter().map(|point| point.normal).collect();
-        if meshed == MeshedPoints::All {
+        if rules.points == MeshedPoints::All {
             estimated_normals::estimate(&positions, &mut normals, spacing);
         }
         let is_loose = |(point, normal): &(&MeshPoint, &Option<Local>)| {
             point.home == number && normal.is_none()
         };
         let loose = points.iter().zip(&normals).filter(is_loose).count() as u64;
-        let triangles = triangulate(&positions, &normals, spacing);
+        let mut triangles = triangulate(&positions, &normals, spacing);
+        if rules.keeps_edges {
+            // Normals that were estimated are no planes of the scan.
+            let scanned: Vec<Option<Local>> = points.iter().map(|point| point.normal).collect();
+            diagonals::turn(&positions, &scanned, spacing, &mut triangles);
+        }
         let mut around = vec![0_u8; points.len()];
         for &corner in triangles.iter().flatten() {
             let count = &mut around[corner as usize];

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use super::*;
 use crate::geometry::{Stored, spread};
 
-const QUANTIZATION: Quantization = Quantization {
+pub(super) const QUANTIZATION: Quantization = Quantization {
     scale: 1e-4,
     offset: [0.0; 3],
 };
@@ -16,7 +16,7 @@ fn unit(k: u64) -> f64 {
 }
 
 /// Points of a surface, moved by `noise`, as the solver leaves them: with normals, in no order.
-fn cloud(places: impl Iterator<Item = (Local, Local)>, noise: f64) -> Vec<MeshPoint> {
+pub(super) fn cloud(places: impl Iterator<Item = (Local, Local)>, noise: f64) -> Vec<MeshPoint> {
     (0..)
         .zip(places)
         .map(|(index, (place, normal))| {
@@ -54,7 +54,7 @@ const SPHERE_POINTS: u32 = 1500;
 const SPHERE_SPACING: f64 = 0.095;
 
 /// A hexagonal lattice of edge 1 on the plane z = 0, without the nodes within `hole` of (20, 20).
-fn sheet(hole: f64) -> impl Iterator<Item = (Local, Local)> {
+pub(super) fn sheet(hole: f64) -> impl Iterator<Item = (Local, Local)> {
     let node = |i: i32, j: i32| {
         let [i, j] = [i, j].map(f64::from);
         Local::new(i + 0.5 * (j % 2.0), 0.75_f64.sqrt() * j, 0.0)
@@ -66,7 +66,7 @@ fn sheet(hole: f64) -> impl Iterator<Item = (Local, Local)> {
 }
 
 /// Counts the triangles on every edge.
-fn edges_of(triangles: &[Corners]) -> HashMap<[u32; 2], Vec<bool>> {
+pub(super) fn edges_of(triangles: &[Corners]) -> HashMap<[u32; 2], Vec<bool>> {
     let mut edges: HashMap<[u32; 2], Vec<bool>> = HashMap::new();
     for &[a, b, c] in triangles {
         for [from, to] in [[a, b], [b, c], [c, a]] {
@@ -88,13 +88,17 @@ fn is_watertight(triangles: &[Corners]) -> bool {
 const CELL_IN_SPACINGS: f64 = 5.0;
 
 /// The mesh on the surfaces of `points` in parts: squares of this `edge` in spacings.
-fn in_parts(points: &[MeshPoint], spacing: f64, edge: f64) -> (Vec<Corners>, MeshFigures) {
-    in_parts_of(MeshedPoints::Surfaces, points, spacing, edge)
+pub(super) fn in_parts(
+    points: &[MeshPoint],
+    spacing: f64,
+    edge: f64,
+) -> (Vec<Corners>, MeshFigures) {
+    in_parts_by(MeshRules::default(), points, spacing, edge)
 }
 
-/// The mesh of those of `points` that are `meshed`, in parts: squares of this `edge` in spacings.
-fn in_parts_of(
-    meshed: MeshedPoints,
+/// The mesh of `points` by these `rules` in parts: squares of this `edge` in spacings.
+pub(super) fn in_parts_by(
+    rules: MeshRules,
     points: &[MeshPoint],
     spacing: f64,
     edge: f64,
@@ -106,7 +110,7 @@ fn in_parts_of(
     let mut homes: Vec<[i64; 2]> = points.iter().map(|p| home(p.point)).collect();
     homes.sort_unstable();
     homes.dedup();
-    let reach = QUANTIZATION.units(REACH_IN_SPACINGS * spacing);
+    let reach = QUANTIZATION.units(rules.reach_in_spacings() * spacing);
     let (mut sides, mut figures, mut parts) = (Sides::default(), MeshFigures::default(), vec![]);
     for (number, own) in (0..).zip(&homes) {
         let units = QUANTIZATION.units(edge * spacing);
@@ -121,7 +125,7 @@ fn in_parts_of(
             cell: [point.point.y, point.point.x].map(|c| i64::from(c).div_euclid(cell_edge) as i32),
             ..point
         });
-        let mut part = MeshedPart::new(number, seen.collect(), &QUANTIZATION, spacing, meshed);
+        let mut part = MeshedPart::new(number, seen.collect(), &QUANTIZATION, spacing, rules);
         let first = sides.add(&mut part);
         figures.merge(&part.figures);
         parts.push((first, part.triangles));
@@ -293,7 +297,11 @@ fn points_without_surface_have_triangles_if_they_are_asked_for() {
     let mut points = cloud(sphere(SPHERE_POINTS), 0.02 * SPHERE_SPACING);
     let with_normals = in_parts(&points, SPHERE_SPACING, 1e6).0;
     points.iter_mut().for_each(|point| point.normal = None);
-    let all = |edge| in_parts_of(MeshedPoints::All, &points, SPHERE_SPACING, edge);
+    let rules = MeshRules {
+        points: MeshedPoints::All,
+        keeps_edges: true,
+    };
+    let all = |edge| in_parts_by(rules, &points, SPHERE_SPACING, edge);
     let (triangles, figures) = all(1e6);
     assert!(is_watertight(&triangles));
     assert_eq!((figures.loose, figures.components), (0, 1));
@@ -304,7 +312,7 @@ fn points_without_surface_have_triangles_if_they_are_asked_for() {
     let row = (0..100).map(|k| (Local::new(f64::from(k), 0.0, 0.0), Local::z()));
     let mut row = cloud(row, 0.05);
     row.iter_mut().for_each(|point| point.normal = None);
-    let (triangles, figures) = in_parts_of(MeshedPoints::All, &row, 1.0, 1e6);
+    let (triangles, figures) = in_parts_by(rules, &row, 1.0, 1e6);
     assert!(triangles.is_empty());
     assert_eq!(figures.loose, 100);
 }

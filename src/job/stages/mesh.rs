@@ -69,13 +69,8 @@ impl MeshSource<'_> {
         for (number, part) in (0..).zip(&parts) {
             self.run.check_cancelled()?;
             let points = self.gather(number, part, &homes, &mut extent)?;
-            let mut meshed = MeshedPart::new(
-                number,
-                points,
-                &self.quantization,
-                self.spacing,
-                self.meshed,
-            );
+            let mut meshed =
+                MeshedPart::new(number, points, &self.quantization, self.spacing, self.rules);
             let first = sides.add(&mut meshed);
             figures.merge(&meshed.figures);
             self.add_cells(part, meshed, first, &mut cells)?;

@@ -18,6 +18,7 @@ use crate::{
         progress::{Progress, Unit},
     },
     las::{LasError, RecordSorter, SortingSpace, StoreError},
+    mesh::MeshRules,
     tile::SpillSpace,
 };
 
@@ -115,7 +116,10 @@ impl<'a> Ordering<'a> {
                 JobError::Refused("a mesh needs normals; please report this".into())
             })?,
             viewpoints: viewpoints(&settings, &solver.plan.quantization)?,
-            meshed: settings.points,
+            rules: MeshRules {
+                points: settings.points,
+                keeps_edges: solver.options.edge_capture.is_some(),
+            },
             quantization: solver.plan.quantization,
             spacing: solver.options.spacing,
             crs: planned.survey.crs.clone(),

@@ -10,7 +10,7 @@ use crate::{
     geometry::{Quantization, Stored, Viewpoints},
     job::context::RunContext,
     las::{Crs, MeshHeader, MeshVertex, RealAttribute, RecordFormat, RecordView},
-    mesh::{MeshFigures, MeshedPoints, REACH_IN_SPACINGS, SettledSides},
+    mesh::{MeshFigures, MeshRules, SettledSides},
     tile::TileError,
     tiling::Bounds,
 };
@@ -26,8 +26,8 @@ pub(super) struct MeshSource<'a> {
     /// The components of the normal in the records.
     pub(super) normal: [RealAttribute; 3],
     pub(super) viewpoints: Viewpoints,
-    /// Which points have triangles.
-    pub(super) meshed: MeshedPoints,
+    /// Which points have triangles, and how those are chosen.
+    pub(super) rules: MeshRules,
     pub(super) quantization: Quantization,
     pub(super) spacing: f64,
     pub(super) crs: Option<Crs>,
@@ -53,7 +53,8 @@ pub(super) struct Extent {
 impl MeshSource<'_> {
     /// How far a part sees beyond its core, in stored units.
     pub(super) fn reach(&self) -> i64 {
-        self.quantization.units(REACH_IN_SPACINGS * self.spacing)
+        let reach = self.rules.reach_in_spacings() * self.spacing;
+        self.quantization.units(reach)
     }
 
     /// The header of a mesh without vertices in this cloud.
