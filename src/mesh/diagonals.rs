@@ -130,7 +130,7 @@ struct Bent<'a> {
 }
 
 impl<'a> Bent<'a> {
-    /// Those of `triangles` with a corner that `is_near`.
+    /// The ones among `triangles` with a corner that `is_near`, and their edges.
     fn of(
         positions: &'a [Local],
         normals: &'a [Option<Local>],
