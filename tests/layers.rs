@@ -33,7 +33,7 @@ const LAYERS: [&str; 20] = [
 ];
 
 /// Public items of the library: functions, types, traits and constants.
-const MAX_PUBLIC_ITEMS: usize = 151;
+const MAX_PUBLIC_ITEMS: usize = 154;
 const MAX_LINES_OF_A_FILE: usize = 450;
 const MAX_LINES_OF_A_FUNCTION: usize = 80;
 

@@ -2,8 +2,9 @@
 
 use nalgebra::Matrix3;
 
+use super::dominant_normals::DominantNormals;
 use crate::{
-    geometry::{CellIndex, CellOrder, Local, NeighborGrid, Quantization, narrow_frame},
+    geometry::{CellIndex, CellOrder, Local, NeighborGrid, Quantization, Stored, narrow_frame},
     lloyd::{PointSum, SolverOptions, ThinnedPoints, Thinning},
 };
 
@@ -37,6 +38,21 @@ pub(crate) fn coarse_normals(
         plane_normal(&near, THICKEST_IN_SPACINGS * options.spacing)
     };
     means.iter().filter_map(normal).collect()
+}
+
+impl DominantNormals {
+    /// The directions that many planes among `points` face, at the scale of `options`.
+    ///
+    /// # Panics
+    ///
+    /// Unless there are fewer than 2³² points.
+    pub fn of_points(
+        points: Vec<Stored>,
+        quantization: &Quantization,
+        options: &SolverOptions,
+    ) -> Self {
+        Self::among(coarse_normals(&points.into(), quantization, options).into_iter())
+    }
 }
 
 /// The mean of the points in each occupied double voxel.
@@ -77,7 +93,7 @@ fn plane_normal(places: &[Local], thickest: f64) -> Option<Local> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Stored, spread};
+    use crate::geometry::spread;
 
     const QUANTIZATION: Quantization = Quantization {
         scale: 0.001,

@@ -9,11 +9,8 @@ use std::cmp::Reverse;
 
 use serde::{Deserialize, Serialize};
 
-use super::{coarse_normals::coarse_normals, lattice::Lattice};
-use crate::{
-    geometry::{Local, Quantization, Stored},
-    lloyd::SolverOptions,
-};
+use super::rounded_normal::RoundedNormal;
+use crate::geometry::Local;
 
 /// The most directions that are found.
 const MOST_NORMALS: usize = 16;
@@ -66,26 +63,14 @@ impl DominantNormals {
             let Some(normal) = next_dominant(&bins, least) else {
                 break;
             };
-            if Lattice::across_rounded(normal).tilt(normal) > LEAST_TILT {
+            let few = RoundedNormal::of(normal);
+            if 1.0 - few.unit.dot(&normal).abs() > LEAST_TILT {
                 found.normals[usize::from(found.count)] = rounded(normal);
                 found.count += 1;
             }
             bins.retain(|bin| bin.normal.dot(&normal).abs() < OF_ONE_LATTICE);
         }
         found
-    }
-
-    /// The directions that many planes among `points` face, at the scale of `options`.
-    ///
-    /// # Panics
-    ///
-    /// Unless there are fewer than 2³² points.
-    pub fn of_points(
-        points: Vec<Stored>,
-        quantization: &Quantization,
-        options: &SolverOptions,
-    ) -> Self {
-        Self::among(coarse_normals(&points.into(), quantization, options).into_iter())
     }
 
     /// The direction nearest to `normal`, a unit vector, if they may have one lattice. See [`unit`].
@@ -121,7 +106,7 @@ fn next_dominant(bins: &[Bin], least: f64) -> Option<Local> {
     Some(alike.map(signed).sum::<Local>().normalize())
 }
 
-/// Those of `bins` whose angle to `normal` has at least this `cosine`.
+/// The `bins` whose angle to `normal` has at least this `cosine`.
 fn around(bins: &[Bin], normal: Local, cosine: f64) -> impl Iterator<Item = &Bin> {
     bins.iter()
         .filter(move |bin| bin.normal.dot(&normal).abs() >= cosine)

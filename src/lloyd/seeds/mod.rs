@@ -16,6 +16,7 @@ mod lattice;
 mod nearest_seeds;
 mod nodes;
 mod normals;
+mod rounded_normal;
 mod rule;
 mod seed_list;
 
