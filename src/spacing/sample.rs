@@ -15,8 +15,8 @@
 use rayon::prelude::*;
 
 use crate::{
-    geometry::{Local, OccupiedCells, Quantization, Stored},
-    lloyd::{Scan, SolverOptions, Thinning, coarse_normals, elected_in},
+    geometry::{OccupiedCells, Quantization, Stored},
+    lloyd::{Scan, SolverOptions, Thinning, elected_in},
     tiling::{CountedCloud, Plan, PlanOptions, Square, Tile},
 };
 
@@ -200,23 +200,6 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
         })?;
         self.parts = tiles.into_iter().zip(occupied).collect();
         Ok(())
-    }
-
-    /// The normals of planes in the `drawn` parts.
-    pub(super) fn normals(
-        &self,
-        drawn: &[DrawnPart],
-        options: &SolverOptions,
-    ) -> Result<Vec<Local>, C::Error> {
-        let tiles: Vec<Tile> = drawn.iter().map(|part| self.parts[part.index].0).collect();
-        let of_parts = by_tile(&tiles, |tile| {
-            let core = &tile.core;
-            let points =
-                self.cloud
-                    .gather(core, self.quantization, options, PART_THINNING_LIMIT)?;
-            Ok(coarse_normals(&points, self.quantization, options))
-        })?;
-        Ok(of_parts.concat())
     }
 
     /// Whether a sample of `size` is all parts, so that no part's voxels matter.

@@ -6,12 +6,13 @@
 
 use super::{
     MAX_SITES_PER_POINT, SpacingError,
+    facing::dominant_normals,
     sample::{DrawnPart, Parts, SampleSize},
     sites_of_the_plane,
 };
 use crate::{
     geometry::Quantization,
-    lloyd::{SolverOptions, SolverSettings},
+    lloyd::{DominantNormals, SolverOptions, SolverSettings},
     tiling::CountedCloud,
 };
 
@@ -134,6 +135,12 @@ pub(crate) fn spacing_for_count<C: CountedCloud>(
     counted.map_err(SpacingError::Gather)?;
     let by_voxels = guess * (parts.sites(SITES_PER_VOXEL) / count as f64).sqrt();
 
+    // On lattices that are not tilted there are more seeds. The directions hardly depend on the spacing.
+    let range = [scale, 2.0 * extent];
+    let options = settings.at(by_voxels.clamp(range[0], range[1]), sites_per_point);
+    let dominant_normals = dominant_normals(cloud, quantization, &options);
+    let dominant_normals = dominant_normals.map_err(SpacingError::Gather)?;
+
     let drawn = parts.draw(COUNT_SAMPLE);
     let search = Search {
         first: drawn.iter().copied().step_by(FIRST_PART_IN).collect(),
@@ -146,7 +153,8 @@ pub(crate) fn spacing_for_count<C: CountedCloud>(
         settings,
         count: count as f64,
         sites_per_point,
-        range: [scale, 2.0 * extent],
+        dominant_normals,
+        range,
     };
     match search.run(by_voxels) {
         // Where points are farther apart than the output, each occupies a voxel of its own however fine
@@ -164,6 +172,7 @@ struct Search<'a, C> {
     settings: &'a SolverSettings,
     count: f64,
     sites_per_point: f64,
+    dominant_normals: DominantNormals,
     /// The least and the largest spacing.
     range: [f64; 2],
 }
@@ -234,7 +243,10 @@ impl<C: CountedCloud> Search<'_, C> {
         spacing: f64,
         all_parts: bool,
     ) -> Result<(f64, Option<f64>), SpacingError<C::Error>> {
-        let options = self.settings.at(spacing, self.sites_per_point);
+        let options = SolverOptions {
+            dominant_normals: self.dominant_normals,
+            ..self.settings.at(spacing, self.sites_per_point)
+        };
         let error = |sample| (self.parts.seeds(sample) / self.count).ln();
         let elect = |drawn: &[DrawnPart]| {
             let counts = self.parts.elect(drawn, &options);

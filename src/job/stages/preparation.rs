@@ -192,7 +192,6 @@ fn choose_plan(
     let (spacing, points_out) = choose_spacing(&cloud)?;
     let sites_per_point = points_out as f64 / spill.points() as f64;
     let mut options = settings.solver.at(spacing, sites_per_point);
-    options.dominant_normals = dominant_normals(&*spill, &survey.quantization, &options)?;
 
     // Points in memory that no tile will use make room. With a known spacing they did as they came.
     let transfer = Transfer::new(&survey.record, settings);
@@ -201,6 +200,9 @@ fn choose_plan(
     if !is_thinned && !is_graded && !transfer.needs_cells() {
         spill.thin(&Thinning::new(&survey.quantization, &options));
     }
+
+    // Find the directions that many of its planes face.
+    options.dominant_normals = dominant_normals(&*spill, &survey.quantization, &options)?;
 
     // Cut the plane into tiles that fit the memory.
     let cloud = ScatteredCloud {

@@ -26,7 +26,7 @@ use super::{
     voxel_points::{MOST_IN_VOXEL, PointsByIndex, VoxelPoints},
 };
 use crate::{
-    geometry::{CellIndex, CellOrder, OccupiedCells, Quantization, Stored, cell_of},
+    geometry::{CellIndex, CellOrder, Local, OccupiedCells, Quantization, Stored, cell_of},
     lloyd::SolverOptions,
 };
 
@@ -71,6 +71,11 @@ impl Thinning {
     #[inline]
     pub(crate) fn double_voxel_of(&self, point: Stored) -> CellIndex {
         self.voxel_of(point).map(|c| c.div_euclid(2))
+    }
+
+    /// The middle of the double voxel `cell`.
+    pub(crate) fn middle_of_double_voxel(&self, cell: CellIndex) -> Local {
+        Local::from(cell.map(|c| (2.0 * f64::from(c) + 1.0) * self.voxel))
     }
 
     /// The number of points on a square of edge `edge` (CRS units) of a plane beyond which

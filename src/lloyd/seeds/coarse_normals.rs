@@ -4,8 +4,10 @@ use nalgebra::Matrix3;
 
 use super::dominant_normals::DominantNormals;
 use crate::{
-    geometry::{CellIndex, CellOrder, Local, NeighborGrid, Quantization, Stored, narrow_frame},
-    lloyd::{PointSum, SolverOptions, ThinnedPoints, Thinning},
+    geometry::{
+        CellIndex, CellOrder, Local, NeighborGrid, Quantization, Rect, Stored, narrow_frame,
+    },
+    lloyd::{PointSum, SolverOptions, ThinnedPoints, Thinning, TileRegion},
 };
 
 /// Radius of the neighbourhood that has one normal.
@@ -18,18 +20,20 @@ const THICKEST_IN_SPACINGS: f64 = 0.1;
 /// the normal is doubtful.
 const LEAST_ROUNDNESS: f64 = 0.4;
 
-/// The normals of planes among `points`, one to each occupied double voxel that has one. They are the same however far the
-/// points have been thinned.
+/// The normals of planes among `points`, one to each occupied double voxel that has one and whose middle is in `core`. They are
+/// the same however far the points have been thinned, if `points` are all those within a spacing of the core: where the
+/// points end, the sum of a voxel is in or out as a whole.
 ///
 /// # Panics
 ///
 /// Unless there are fewer than 2³² points and sums.
 pub(crate) fn coarse_normals(
     points: &ThinnedPoints,
+    core: &Rect,
     quantization: &Quantization,
     options: &SolverOptions,
 ) -> Vec<Local> {
-    let means = means(points, quantization, options);
+    let means = means(points, core, quantization, options);
     let radius = RADIUS_IN_SPACINGS * options.spacing;
     let grid = NeighborGrid::new(&means, radius);
     let mut near = Vec::new();
@@ -51,13 +55,16 @@ impl DominantNormals {
         quantization: &Quantization,
         options: &SolverOptions,
     ) -> Self {
-        Self::among(coarse_normals(&points.into(), quantization, options).into_iter())
+        let everywhere = TileRegion::everything().core;
+        let normals = coarse_normals(&points.into(), &everywhere, quantization, options);
+        Self::among(normals.into_iter())
     }
 }
 
-/// The mean of the points in each occupied double voxel.
+/// The mean of the points in each occupied double voxel whose middle is in `core`.
 fn means(
     points: &ThinnedPoints,
+    core: &Rect,
     quantization: &Quantization,
     options: &SolverOptions,
 ) -> Vec<Local> {
@@ -75,7 +82,14 @@ fn means(
         }
         sum.local_mean(quantization)
     };
-    CellOrder::new(&cells).cells().map(mean).collect()
+    let is_in_core = |in_cell: &&[u32]| {
+        let middle = thinning.middle_of_double_voxel(cells[in_cell[0] as usize]);
+        quantization
+            .stored(middle)
+            .is_some_and(|middle| core.contains(middle))
+    };
+    let order = CellOrder::new(&cells);
+    order.cells().filter(is_in_core).map(mean).collect()
 }
 
 /// The normal of the plane through `places`, if they are no farther than `thickest` (CRS units) from it.
@@ -123,7 +137,8 @@ mod tests {
     #[test]
     fn a_wall_has_one_normal_and_a_bush_has_none() {
         let options = SolverOptions::new(0.2);
-        let normals = coarse_normals(&points().into(), &QUANTIZATION, &options);
+        let everywhere = TileRegion::everything().core;
+        let normals = coarse_normals(&points().into(), &everywhere, &QUANTIZATION, &options);
         let across = Local::new(0.8, -0.6, 0.0);
         let cosines = normals.iter().map(|normal| normal.dot(&across).abs());
         assert!(cosines.clone().fold(1.0, f64::min) > 0.9999);
@@ -132,12 +147,31 @@ mod tests {
     }
 
     #[test]
-    fn thinned_points_have_the_same_normals() {
+    fn thinned_points_of_a_part_have_the_same_normals() {
         let options = SolverOptions::new(0.2);
+        let core = Rect {
+            min: [700, 900],
+            max: [2300, 3000],
+        };
         let all = ThinnedPoints::from(points());
         let thinned = Thinning::new(&QUANTIZATION, &options).thinned(all.clone());
         assert!(thinned.kept.len() < all.kept.len() / 2);
-        let [all, thinned] = [&all, &thinned].map(|p| coarse_normals(p, &QUANTIZATION, &options));
-        assert_eq!(all, thinned);
+        let seen = core.grown(200);
+        let normals = [&all, &thinned].map(|points| {
+            let is_seen = |point: &Stored| seen.contains(*point);
+            let points = ThinnedPoints {
+                kept: points.kept.iter().copied().filter(is_seen).collect(),
+                sums: points
+                    .sums
+                    .iter()
+                    .copied()
+                    .filter(|sum| is_seen(&sum.mean()))
+                    .collect(),
+                ..ThinnedPoints::default()
+            };
+            coarse_normals(&points, &core, &QUANTIZATION, &options)
+        });
+        assert!(normals[0].len() > 100);
+        assert_eq!(normals[0], normals[1]);
     }
 }
