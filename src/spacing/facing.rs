@@ -80,3 +80,113 @@ fn drawn(cloud: &impl CountedCloud, edge: i64) -> Vec<[i64; 2]> {
 fn hash([column, row]: [i64; 2]) -> u64 {
     spread(spread(column as u64) ^ row as u64)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        geometry::Stored,
+        lloyd::{PointSum, ThinnedPoints, Thinning},
+        tiling::{Bounds, CellGrid, CloudInMemory},
+    };
+
+    const QUANTIZATION: Quantization = Quantization {
+        scale: 0.001,
+        offset: [0.0; 3],
+    };
+
+    /// A cloud of which points and sums are left, whose squares have the counts of all points.
+    struct Thinned<C> {
+        all: C,
+        left: ThinnedPoints,
+    }
+
+    impl<C: CountedCloud> CountedCloud for Thinned<C> {
+        type Error = C::Error;
+
+        fn points(&self) -> u64 {
+            self.all.points()
+        }
+
+        fn bounds(&self) -> Bounds {
+            self.all.bounds()
+        }
+
+        fn square_edge(&self) -> i64 {
+            self.all.square_edge()
+        }
+
+        fn squares(&self) -> impl Iterator<Item = ([i64; 2], u64)> + '_ {
+            self.all.squares()
+        }
+
+        fn gather(
+            &self,
+            rect: &Rect,
+            _: &Quantization,
+            _: &SolverOptions,
+            _: u64,
+        ) -> Result<ThinnedPoints, C::Error> {
+            let kept = self.left.kept.iter().copied();
+            let sums = self.left.sums.iter().copied();
+            Ok(ThinnedPoints {
+                kept: kept.filter(|&point| rect.contains(point)).collect(),
+                sums: sums
+                    .filter(|sum: &PointSum| rect.contains(sum.mean()))
+                    .collect(),
+                ..ThinnedPoints::default()
+            })
+        }
+    }
+
+    /// Ground of 18 m by 24 m, and walls of 6 m that stand on it over lines in the direction (1, 2).
+    fn points() -> Vec<Stored> {
+        let random = |k: u64, below: u64| (spread(k) % below) as i32;
+        let on_ground = |i: u64| Stored {
+            x: random(3 * i, 18_000),
+            y: random(3 * i + 1, 24_000),
+            z: 0,
+        };
+        let on_wall = |i: u64| {
+            let along = random(3 * i, 10_000);
+            Stored {
+                x: along + 2000 * (i % 3) as i32,
+                y: 2 * along,
+                z: random(3 * i + 1, 6000),
+            }
+        };
+        let on_ground = (0..100_000).map(on_ground);
+        on_ground.chain((100_000..300_000).map(on_wall)).collect()
+    }
+
+    #[test]
+    fn the_directions_of_walls_do_not_depend_on_how_far_points_are_thinned() {
+        let points = points();
+        let go_on = || Ok::<(), ()>(());
+        for spacing in [0.2, 0.3, 0.4] {
+            let options = SolverOptions::new(spacing);
+            let cloud = CloudInMemory::new(&points, CellGrid::new(1000), &go_on);
+            let of_all = dominant_normals(&cloud, &QUANTIZATION, &options).unwrap();
+            let thinning = Thinning::new(&QUANTIZATION, &options);
+            let left = thinning.thinned(points.clone().into());
+            assert!(left.sums.len() > 1000, "{} sums", left.sums.len());
+            let thinned = Thinned { all: cloud, left };
+            let of_thinned = dominant_normals(&thinned, &QUANTIZATION, &options).unwrap();
+            assert_ne!(of_all, DominantNormals::default());
+            assert_eq!(of_all, of_thinned);
+        }
+    }
+
+    #[test]
+    fn no_more_blocks_are_drawn_than_are_wanted() {
+        let points = points();
+        let go_on = || Ok::<(), ()>(());
+        let cloud = CloudInMemory::new(&points, CellGrid::new(1000), &go_on);
+        // All but a few of the squares have points.
+        let a_hundredth = 18 * 24 * 8 * 8 / 100;
+        let fine = drawn(&cloud, 100).len();
+        assert!((a_hundredth - 10..=a_hundredth).contains(&fine), "{fine}");
+        assert_eq!(drawn(&cloud, 2000).len(), 9 * 12 / 8);
+        assert_eq!(drawn(&cloud, 10_000).len(), 2 * 3);
+    }
+}

@@ -135,11 +135,16 @@ pub(crate) fn spacing_for_count<C: CountedCloud>(
     counted.map_err(SpacingError::Gather)?;
     let by_voxels = guess * (parts.sites(SITES_PER_VOXEL) / count as f64).sqrt();
 
-    // On lattices that are not tilted there are more seeds. The directions hardly depend on the spacing.
+    // On lattices that are not tilted there are more seeds. The directions hardly depend on the spacing; where points stand
+    // alone there are none.
     let range = [scale, 2.0 * extent];
-    let options = settings.at(by_voxels.clamp(range[0], range[1]), sites_per_point);
-    let dominant_normals = dominant_normals(cloud, quantization, &options);
-    let dominant_normals = dominant_normals.map_err(SpacingError::Gather)?;
+    let dominant_normals = if sites_per_point < 1.0 {
+        let options = settings.at(by_voxels.clamp(range[0], range[1]), sites_per_point);
+        let found = dominant_normals(cloud, quantization, &options);
+        found.map_err(SpacingError::Gather)?
+    } else {
+        DominantNormals::default()
+    };
 
     let drawn = parts.draw(COUNT_SAMPLE);
     let search = Search {
