@@ -1,8 +1,8 @@
 //! The directions that the planes of a cloud face, from a sample of it.
 //!
-//! The sample must be the same whatever memory there is, since all seeds depend on it. How many points a square has
-//! depends on how far they have been thinned; that it has some does not. So small blocks are drawn from
-//! those that are occupied, by a hash of their place.
+//! The sample must be the same whatever memory there is, since all seeds depend on it. Estimates of a count do not do, as they
+//! depend a little on how far points were thinned when they came. So small blocks are drawn from those that are occupied, by
+//! a hash of their place, and what counts are means of voxels that are seen as a whole.
 
 use rayon::prelude::*;
 
@@ -14,11 +14,13 @@ use crate::{
 
 /// Edge of a block.
 const BLOCK_IN_SPACINGS: f64 = 8.0;
-/// Blocks that are drawn: so many, or a share of all if that is more.
+/// The usual number of blocks that are drawn.
 const BLOCKS: usize = 64;
+/// The share of all blocks that is drawn where that is more.
 const SHARE: f64 = 0.01;
-/// No larger share of the blocks is drawn, unless there are too few of them to say anything.
+/// The largest share of all blocks that is drawn, so that a small cloud is not read twice.
 const LARGEST_SHARE: f64 = 0.125;
+/// Fewer blocks say nothing, however few there are.
 const FEWEST_BLOCKS: usize = 8;
 /// Points of a block beyond which they are thinned while they are gathered.
 const BLOCK_THINNING_LIMIT: u64 = 500_000;
@@ -38,9 +40,7 @@ pub(crate) fn dominant_normals<C: CountedCloud>(
     if options.seeds != SeedRule::Hexagonal || options.grading.is_some() {
         return Ok(DominantNormals::default());
     }
-    let edge = quantization
-        .units(BLOCK_IN_SPACINGS * options.spacing)
-        .max(1);
+    let edge = quantization.units(BLOCK_IN_SPACINGS * options.spacing);
     // At least a double voxel, however fine the spacing is.
     let margin = quantization.units(options.spacing) + 2;
     let normals_of = |block: &[i64; 2]| {

@@ -21,11 +21,11 @@ const ALIKE: f64 = 0.999_657;
 /// percent there.
 const OF_ONE_LATTICE: f64 = 0.994_522;
 
-/// A direction is dominant if no smaller share of all normals faces that way,
+/// The least share of all normals that face a dominant direction.
 const LEAST_SHARE: f64 = 0.015;
-/// and no fewer of them,
+/// The least number of normals that face a dominant direction.
 const FEWEST_NORMALS: f64 = 50.0;
-/// and no smaller share of those that would have its lattice: the normals of a curved surface are spread evenly.
+/// The least share that they have of the normals with the same lattice: on a curved surface normals are spread evenly.
 const LEAST_SHARE_OF_LATTICE: f64 = 0.4;
 /// Planes that are tilted by less than 4° (one less its cosine) against one of the few lattices have that one.
 const LEAST_TILT: f64 = 0.002_436;
@@ -73,7 +73,8 @@ impl DominantNormals {
         found
     }
 
-    /// The direction nearest to `normal`, a unit vector, if they may have one lattice. See [`unit`].
+    /// The dominant direction nearest to `normal`, a unit vector, if the two may have one lattice: its components over the
+    /// largest, in steps.
     pub(super) fn nearest(&self, normal: Local) -> Option<Steps> {
         let known = self.normals[..usize::from(self.count)].iter();
         let with_cosine = known.map(|&steps| (unit(steps).dot(&normal).abs(), steps));
