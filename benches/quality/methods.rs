@@ -3,9 +3,9 @@
 use std::{collections::BTreeMap, time::Instant};
 
 use lloydar::internals::{
-    AREA_PER_SEED, Acceleration, CellFigures, DistanceFigures, DistanceTally, DominantNormals,
-    Local, NeighborGrid, PatchKind, Restriction, Scan, SeedRule, Site, SolverOptions, Stored,
-    TileRegion, Uniformity, UniformityTally, describe_positions, elect, solve, uniformity,
+    AREA_PER_SEED, Acceleration, DistanceFigures, DistanceTally, DominantNormals, Local,
+    NeighborGrid, PatchKind, Restriction, Scan, SeedRule, Site, SolverOptions, Stored, TileRegion,
+    Uniformity, describe_positions, elect, solve, uniformity,
 };
 
 use crate::clouds::{Cloud, Dice};
@@ -234,7 +234,7 @@ fn judge(cloud: &Cloud, places: &[Local], seconds: f64) -> Outcome {
     let mut accuracy = DistanceTally::new(spacing);
     let mut coverage = DistanceTally::new(spacing);
     let mut at_edges = DistanceTally::new(spacing);
-    let mut on_planes = UniformityTally::new(spacing);
+    let mut on_planes: Vec<&Site> = Vec::new();
     let mut astray = 0;
     for site in &sites {
         let near = scan.nearest(site.position, 8.0 * spacing);
@@ -250,12 +250,8 @@ fn judge(cloud: &Cloud, places: &[Local], seconds: f64) -> Outcome {
         }
         let is_plane = cloud.plane.as_ref().is_some_and(|plane| plane(place));
         let is_inside = to_edge.is_some_and(|distance| distance > 1.5 * spacing);
-        if is_plane && is_inside && is_counted(site) && site.trust >= 1.0 {
-            on_planes.push_cell(CellFigures {
-                area: site.area,
-                energy: site.energy,
-                neighbors: site.neighbors,
-            });
+        if is_plane && is_inside && site.trust >= 1.0 {
+            on_planes.push(site);
         }
         astray += usize::from(to_scan > 0.5 * spacing && is_astray(&scan, site.position, to_scan));
     }
@@ -273,7 +269,7 @@ fn judge(cloud: &Cloud, places: &[Local], seconds: f64) -> Outcome {
         accuracy: accuracy.figures(),
         coverage: coverage.figures(),
         at_edges: at_edges.figures(),
-        on_planes: on_planes.figures().energy_ratio,
+        on_planes: uniformity(on_planes, spacing).figures().energy_ratio,
         astray,
         held: share(|site| site.is_fixed),
         open: share(|site| !site.is_closed),

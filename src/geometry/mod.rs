@@ -49,7 +49,7 @@ pub(crate) use grid_walk::GridWalk;
 pub(crate) use hash::{Dice, spread};
 pub(crate) use layered_cells::LayeredCells;
 pub use moments::Moments;
-pub(crate) use narrow_frame::narrow_frame;
+pub(crate) use narrow_frame::{mean_and_covariance, narrow_frame};
 pub(crate) use nearest::NearestPoints;
 pub use neighbors::NeighborGrid;
 pub(crate) use occupied::OccupiedCells;

@@ -4,6 +4,17 @@ use nalgebra::Matrix3;
 
 use super::Local;
 
+/// The mean of `places`, of which there is at least one, and their covariance. Rounding depends on the order.
+pub(crate) fn mean_and_covariance(places: &[Local]) -> (Local, Matrix3<f64>) {
+    let count = places.len() as f64;
+    let mean = places.iter().sum::<Local>() / count;
+    let square = |place: &Local| (place - mean) * (place - mean).transpose();
+    (
+        mean,
+        places.iter().map(square).sum::<Matrix3<f64>>() / count,
+    )
+}
+
 /// The eigenvalues of a covariance in falling order, and a right-handed frame whose
 /// third axis belongs to the smallest; `None` if there is no such axis, or
 /// `covariance` is zero or not finite.

@@ -1,10 +1,8 @@
 //! Planes through seeds.
 
-use nalgebra::Matrix3;
-
 use super::linked::visit_linked;
 use crate::{
-    geometry::{Local, NeighborGrid, by_position, narrow_frame},
+    geometry::{Local, NeighborGrid, by_position, mean_and_covariance, narrow_frame},
     lloyd::options::SolverOptions,
 };
 
@@ -60,9 +58,7 @@ fn shape(mut places: Vec<Local>) -> Shape {
     }
     // The order in which seeds are found depends on the tile, and rounding on the order.
     places.sort_unstable_by(by_position);
-    let mean = places.iter().sum::<Local>() / places.len() as f64;
-    let square = |place: &Local| (place - mean) * (place - mean).transpose();
-    let covariance = places.iter().map(square).sum::<Matrix3<f64>>() / places.len() as f64;
+    let (mean, covariance) = mean_and_covariance(&places);
     if covariance.norm() > SHARE_ALONG_A_LINE * covariance.trace() {
         return Shape::Line;
     }

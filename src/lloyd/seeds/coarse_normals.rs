@@ -1,11 +1,10 @@
 //! Normals of the planes among points, fast and coarse: from the means of the points in double voxels.
 
-use nalgebra::Matrix3;
-
 use super::dominant_normals::DominantNormals;
 use crate::{
     geometry::{
-        CellIndex, CellOrder, Local, NeighborGrid, Quantization, Rect, Stored, narrow_frame,
+        CellIndex, CellOrder, Local, NeighborGrid, Quantization, Rect, Stored, mean_and_covariance,
+        narrow_frame,
     },
     lloyd::{PointSum, SolverOptions, ThinnedPoints, Thinning, TileRegion},
 };
@@ -97,9 +96,7 @@ fn plane_normal(places: &[Local], thickest: f64) -> Option<Local> {
     if places.len() < FEWEST_MEANS {
         return None;
     }
-    let mean = places.iter().sum::<Local>() / places.len() as f64;
-    let square = |place: &Local| (place - mean) * (place - mean).transpose();
-    let covariance = places.iter().map(square).sum::<Matrix3<f64>>() / places.len() as f64;
+    let (_, covariance) = mean_and_covariance(places);
     let ([wide, narrow, thin], [.., normal]) = narrow_frame(covariance)?;
     (thin <= thickest * thickest && narrow >= LEAST_ROUNDNESS * wide).then_some(normal)
 }
