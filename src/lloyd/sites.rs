@@ -115,12 +115,7 @@ impl<'a> Sites<'a> {
     pub(super) fn first_step(&mut self, cone: &DependencyCone<'_>) -> Vec<Site> {
         let surface = self.surface;
         let was_exact = self.are_exact();
-        let iteration = Iteration {
-            surface,
-            cone,
-            was_exact: &was_exact,
-            seeks_facets: surface.options.seeks_facets(0),
-        };
+        let iteration = Iteration::new(surface, cone, &was_exact, 0);
         let sites = self.of_wanted(|step, identity, wanted, surface, mut vicinity| {
             let moments = step.clip(surface, &mut vicinity);
             if let Some(wanted) = wanted {
@@ -144,12 +139,7 @@ impl<'a> Sites<'a> {
             .enumerate()
             .filter(|&(site, _)| !matters(site))
             .for_each(|(_, (step, &position))| step.retire(position));
-        let iteration = Iteration {
-            surface,
-            cone,
-            was_exact: &was_exact,
-            seeks_facets: surface.options.seeks_facets(iteration),
-        };
+        let iteration = Iteration::new(surface, cone, &was_exact, iteration);
         let in_core = |identity: &&Stored| region.core.contains(**identity);
         let spacing = surface.spacing();
         let mut nearest = vec![None; identities.iter().filter(in_core).count()];
@@ -205,12 +195,7 @@ impl<'a> Sites<'a> {
     pub(super) fn settle(&mut self, cone: &DependencyCone<'_>, iterations: u32) {
         let (surface, identities) = (self.surface, &self.identities);
         let was_exact = self.are_exact();
-        let iteration = Iteration {
-            surface,
-            cone,
-            was_exact: &was_exact,
-            seeks_facets: true,
-        };
+        let iteration = Iteration::new(surface, cone, &was_exact, iterations);
         let mut positions = self.neighborhoods.positions().to_vec();
         by_block(
             &mut self.steps,

@@ -74,14 +74,8 @@ impl FollowedCell {
         (!is_outdated).then_some(is_exact)
     }
 
-    /// The target of the step to the centroid after the last moves, and how far the site may
-    /// move in any direction (CRS units).
-    pub(super) fn step(
-        &mut self,
-        fit: &Fit,
-        links: &Links,
-        vicinity: &mut Vicinity<'_>,
-    ) -> (Local, f64) {
+    /// The centroid after the last moves.
+    pub(super) fn follow(&mut self, fit: &Fit, links: &Links, vicinity: &Vicinity<'_>) -> Local {
         let neighborhoods = vicinity.neighborhoods;
         self.centroid += self.response.of(
             &fit.patch,
@@ -90,16 +84,20 @@ impl FollowedCell {
                 .sites()
                 .map(|neighbor| neighborhoods.last_move(neighbor as usize)),
         );
+        self.centroid
+    }
+
+    /// The target of a `step` that keeps clear of the neighbours, and how far the site may move in any direction (CRS units).
+    pub(super) fn keeping_clear(&self, step: Local, vicinity: &mut Vicinity<'_>) -> (Local, f64) {
         // The site and its neighbour may both have moved by the drift.
         let nearest = self.nearest - 2.0 * self.drift * vicinity.spacing;
         let free = vicinity.room(nearest);
         let position = vicinity.position;
-        let towards = fit.step_towards(self.centroid, position);
-        let target = if towards.norm_squared() <= free * free {
-            position + towards
+        let target = if step.norm_squared() <= free * free {
+            position + step
         } else {
             vicinity.find_near();
-            vicinity.keeping_clear(position + towards)
+            vicinity.keeping_clear(position + step)
         };
         (target, free)
     }

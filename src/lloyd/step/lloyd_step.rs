@@ -9,6 +9,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
+    crowding::{Crowding, Way, without_leaving},
     fit::Fit,
     following::{FollowedCell, LARGEST_DRIFT_IN_SPACINGS},
     links::Links,
@@ -36,10 +37,28 @@ pub(crate) struct Iteration<'a> {
     /// Whether each site was exact before the iteration.
     pub(crate) was_exact: &'a [bool],
     /// Whether facets are sought where patches round an edge.
-    pub(crate) seeks_facets: bool,
+    seeks_facets: bool,
+    /// How near to each other sites may be; `None` if that does not matter.
+    crowding: Option<Crowding>,
 }
 
 impl<'a> Iteration<'a> {
+    /// The iteration with this `number`.
+    pub(crate) fn new(
+        surface: Surface<'a>,
+        cone: &'a DependencyCone<'a>,
+        was_exact: &'a [bool],
+        number: u32,
+    ) -> Self {
+        Self {
+            surface,
+            cone,
+            was_exact,
+            seeks_facets: surface.options.seeks_facets(number),
+            crowding: Crowding::in_iteration(surface.options, number),
+        }
+    }
+
     /// The iteration for a site by whose options `surface` is.
     pub(crate) fn on<'b>(self, surface: Surface<'b>) -> Iteration<'b>
     where
@@ -214,7 +233,16 @@ impl Step {
         if is_doubtful(fit, self.is_open) {
             vicinity.widen_clearance();
         }
-        let (target, free) = followed.step(fit, &self.links, vicinity);
+        let centroid = followed.follow(fit, &self.links, vicinity);
+        let step = even_step(
+            centroid,
+            fit,
+            &self.links,
+            self.is_open,
+            iteration,
+            vicinity,
+        );
+        let (target, free) = followed.keeping_clear(step, vicinity);
         (self.target, self.free) = restricted(target, free, fit, iteration.surface, vicinity);
         true
     }
@@ -263,6 +291,7 @@ impl Step {
             cone,
             was_exact,
             seeks_facets,
+            crowding: _,
         } = iteration;
         let (position, spacing) = (vicinity.position, surface.spacing());
         self.reset(position);
@@ -304,10 +333,43 @@ impl Step {
         if is_doubtful(fit, self.is_open) {
             vicinity.widen_clearance();
         }
-        let towards = fit.step_towards(moments.centroid, position);
-        let target = vicinity.keeping_clear(position + towards);
+        let step = even_step(
+            moments.centroid,
+            fit,
+            &self.links,
+            self.is_open,
+            iteration,
+            vicinity,
+        );
+        let target = vicinity.keeping_clear(position + step);
         let free = vicinity.free_radius();
         (self.target, self.free) = restricted(target, free, fit, surface, vicinity);
+    }
+}
+
+/// The step of a site with these `links` towards its `centroid` on the surface of `fit`, evened by the distances to the linked sites.
+fn even_step(
+    centroid: Local,
+    fit: &Fit,
+    links: &Links,
+    is_open: bool,
+    iteration: Iteration<'_>,
+    vicinity: &Vicinity<'_>,
+) -> Local {
+    let position = vicinity.position;
+    let Some(crowding) = iteration.crowding else {
+        return fit.step_towards(centroid, position);
+    };
+    let neighborhoods = vicinity.neighborhoods;
+    let way = |link: u32| Way {
+        way: position - neighborhoods.positions()[link as usize],
+        spacing: 0.5 * (vicinity.spacing + neighborhoods.spacings().of(link as usize)),
+    };
+    let others = || links.sites().map(way);
+    let step = fit.step_towards(centroid + crowding.relief(others()), position);
+    match is_doubtful(fit, is_open) {
+        true => without_leaving(step, others()),
+        false => step,
     }
 }
 

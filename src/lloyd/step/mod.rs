@@ -1,6 +1,7 @@
 //! One Lloyd step: patch, restricted Voronoi cell, centroid, projection and boundary
 //! restriction of every site (paper, sections III-B, III-C, IV-B, IV-D and IV-E).
 
+mod crowding;
 mod fit;
 mod following;
 mod links;
