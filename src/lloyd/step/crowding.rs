@@ -43,11 +43,11 @@ impl Crowding {
     pub(super) fn relief(self, others: impl Iterator<Item = Way>) -> Local {
         let move_from = |other: Way| {
             let missing = self.nearest * other.spacing - other.length();
-            other.way * (0.5 * SHARE_IN_AN_ITERATION * missing / other.length())
+            other.vector * (0.5 * SHARE_IN_AN_ITERATION * missing / other.length())
         };
         // There is no way out of one and the same place.
         let is_too_near = |other: &Way| {
-            let squared = other.way.norm_squared();
+            let squared = other.vector.norm_squared();
             squared > 0.0 && squared < (self.nearest * other.spacing).powi(2)
         };
         others.filter(is_too_near).map(move_from).sum()
@@ -58,23 +58,24 @@ impl Crowding {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Way {
     /// The vector that leads to the site (CRS units).
-    pub(super) way: Local,
+    pub(super) vector: Local,
     /// The spacing between the two (CRS units).
     pub(super) spacing: f64,
 }
 
 impl Way {
+    /// Its length (CRS units).
     fn length(self) -> f64 {
-        self.way.norm()
+        self.vector.norm()
     }
 }
 
 /// The `step` of a site without the part that leads away from the nearest of the `others`, if that is far enough (CRS units).
 pub(super) fn without_leaving(step: Local, others: impl Iterator<Item = Way>) -> Local {
-    let nearest = others.min_by(|a, b| a.way.norm_squared().total_cmp(&b.way.norm_squared()));
+    let nearest = others.min_by(|a, b| a.vector.norm_squared().total_cmp(&b.vector.norm_squared()));
     match nearest {
         Some(other) if other.length() > NEAR_ENOUGH_IN_SPACINGS * other.spacing => {
-            let away = other.way / other.length();
+            let away = other.vector / other.length();
             step - away * step.dot(&away).max(0.0)
         }
         _ => step,
@@ -89,8 +90,8 @@ mod tests {
         Local::new(x, y, 0.0)
     }
 
-    fn ways(spacing: f64, ways: &[Local]) -> impl Iterator<Item = Way> {
-        ways.iter().map(move |&way| Way { way, spacing })
+    fn ways(spacing: f64, vectors: &[Local]) -> impl Iterator<Item = Way> {
+        vectors.iter().map(move |&vector| Way { vector, spacing })
     }
 
     #[test]

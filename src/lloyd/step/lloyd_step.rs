@@ -291,7 +291,7 @@ impl Step {
             cone,
             was_exact,
             seeks_facets,
-            crowding: _,
+            ..
         } = iteration;
         let (position, spacing) = (vicinity.position, surface.spacing());
         self.reset(position);
@@ -362,7 +362,7 @@ fn even_step(
     };
     let neighborhoods = vicinity.neighborhoods;
     let way = |link: u32| Way {
-        way: position - neighborhoods.positions()[link as usize],
+        vector: position - neighborhoods.positions()[link as usize],
         spacing: 0.5 * (vicinity.spacing + neighborhoods.spacings().of(link as usize)),
     };
     let others = || links.sites().map(way);
