@@ -59,7 +59,6 @@ impl Choices {
     ///
     /// [`ConfigError::Words`] if the spacing follows rules and an option cannot.
     pub(super) fn check_with_rules(&self) -> Result<(), ConfigError> {
-        let is_elected = |seeds: SeedRule| matches!(seeds, SeedRule::Hexagonal | SeedRule::Poisson);
         let problems = [
             (
                 self.mesh.is_some(),
@@ -70,7 +69,7 @@ impl Choices {
                 "--accelerate anderson mixes sites of one spacing, and the spacing follows rules; give --accelerate none or relaxation",
             ),
             (
-                !self.seeds.is_none_or(is_elected),
+                !self.seeds.is_none_or(SeedRule::is_election),
                 "--seeds area and random know one spacing, and the spacing follows rules; give --seeds hexagonal or poisson",
             ),
         ];

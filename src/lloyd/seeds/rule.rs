@@ -18,3 +18,10 @@ pub enum SeedRule {
     /// Random points of the scan: the paper's baseline.
     Random,
 }
+
+impl SeedRule {
+    /// Whether seeds are elected. Those of the other rules start in clumps, and spread as their cells let them.
+    pub(crate) fn is_election(self) -> bool {
+        matches!(self, Self::Hexagonal | Self::Poisson)
+    }
+}

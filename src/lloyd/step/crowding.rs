@@ -5,10 +5,7 @@
 //! site at its rim is drawn away from the others. So sites that are too near draw apart in each iteration (as nudged sites do
 //! now and then in Gonzalez, Choksi and Nave, arXiv 2005.00094), and a site with a doubtful centroid does not leave its nearest neighbour.
 
-use crate::{
-    geometry::Local,
-    lloyd::{SolverOptions, seeds::SeedRule},
-};
+use crate::{geometry::Local, lloyd::SolverOptions};
 
 /// Two sites draw apart if they are nearer than this in the first iteration, and in the last one; it grows evenly between them. With 0.93 from
 /// the first on, the excess of the energy ratio on surfaces was 4 % higher on ten clouds.
@@ -28,22 +25,20 @@ pub(super) struct Crowding {
 }
 
 impl Crowding {
-    /// The rule of `iteration`; `None` for seeds of rules without election. They start in clumps, and spread as their cells let them.
+    /// The rule of `iteration`; `None` for seeds without election.
     pub(super) fn in_iteration(options: &SolverOptions, iteration: u32) -> Option<Self> {
         let [first, last] = NEAREST_IN_SPACINGS;
         let share = f64::from(iteration + 1) / f64::from(options.iterations.max(1));
         let nearest = first + (last - first) * share.min(1.0);
-        match options.seeds {
-            SeedRule::Hexagonal | SeedRule::Poisson => Some(Self { nearest }),
-            SeedRule::Area | SeedRule::Random => None,
-        }
+        options.seeds.is_election().then_some(Self { nearest })
     }
 
     /// The move by which a site draws away from those `others` that are too near (CRS units).
     pub(super) fn relief(self, others: impl Iterator<Item = Way>) -> Local {
         let move_from = |other: Way| {
-            let missing = self.nearest * other.spacing - other.length();
-            other.vector * (0.5 * SHARE_IN_AN_ITERATION * missing / other.length())
+            let length = other.length();
+            let missing = self.nearest * other.spacing - length;
+            other.vector * (0.5 * SHARE_IN_AN_ITERATION * missing / length)
         };
         // There is no way out of one and the same place.
         let is_too_near = |other: &Way| {
@@ -85,6 +80,7 @@ pub(super) fn without_leaving(step: Local, others: impl Iterator<Item = Way>) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lloyd::seeds::SeedRule;
 
     fn at(x: f64, y: f64) -> Local {
         Local::new(x, y, 0.0)

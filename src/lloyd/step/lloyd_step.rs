@@ -230,9 +230,6 @@ impl Step {
             .map(|neighbor| (positions[neighbor as usize] - position).norm_squared())
             .min_by(f64::total_cmp)
             .map(f64::sqrt);
-        if is_doubtful(fit, self.is_open) {
-            vicinity.widen_clearance();
-        }
         let centroid = followed.follow(fit, &self.links, vicinity);
         let step = even_step(
             centroid,
@@ -330,9 +327,6 @@ impl Step {
             put(&mut self.followed, Some(followed));
         }
         // IV-B, IV-D, IV-E: the centroid, on the patch, near the scan.
-        if is_doubtful(fit, self.is_open) {
-            vicinity.widen_clearance();
-        }
         let step = even_step(
             moments.centroid,
             fit,
@@ -347,15 +341,20 @@ impl Step {
     }
 }
 
-/// The step of a site with these `links` towards its `centroid` on the surface of `fit`, evened by the distances to the linked sites.
+/// The step of a site with these `links` towards its `centroid` on the surface of `fit`, evened by the distances to the linked sites. Where
+/// the centroid is doubtful the clearance is widened.
 fn even_step(
     centroid: Local,
     fit: &Fit,
     links: &Links,
     is_open: bool,
     iteration: Iteration<'_>,
-    vicinity: &Vicinity<'_>,
+    vicinity: &mut Vicinity<'_>,
 ) -> Local {
+    let is_doubtful = is_doubtful(fit, is_open);
+    if is_doubtful {
+        vicinity.widen_clearance();
+    }
     let position = vicinity.position;
     let Some(crowding) = iteration.crowding else {
         return fit.step_towards(centroid, position);
@@ -367,7 +366,7 @@ fn even_step(
     };
     let others = || links.sites().map(way);
     let step = fit.step_towards(centroid + crowding.relief(others()), position);
-    match is_doubtful(fit, is_open) {
+    match is_doubtful {
         true => without_leaving(step, others()),
         false => step,
     }

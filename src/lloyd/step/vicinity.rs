@@ -13,7 +13,6 @@ use crate::{
     geometry::{BOUNDING_SIDES, Local, Moments, Neighbor, Patch, Reach, keeps_corner},
     lloyd::{
         SolverOptions,
-        seeds::SeedRule,
         surface::{Surface, bounding_box},
     },
 };
@@ -33,9 +32,9 @@ const DOUBTFUL_CLEARANCE_FACTOR: f64 = 0.88 / CLEARANCE_IN_SPACINGS;
 /// The clearance between sites (CRS units). Seeds of the rules without election start in
 /// clumps, which a clearance would keep from spreading.
 pub(crate) fn clearance(options: &SolverOptions) -> f64 {
-    match options.seeds {
-        SeedRule::Hexagonal | SeedRule::Poisson => CLEARANCE_IN_SPACINGS * options.spacing,
-        SeedRule::Area | SeedRule::Random => 0.0,
+    match options.seeds.is_election() {
+        true => CLEARANCE_IN_SPACINGS * options.spacing,
+        false => 0.0,
     }
 }
 
