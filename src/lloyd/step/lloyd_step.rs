@@ -362,10 +362,14 @@ fn even_step(
     let neighborhoods = vicinity.neighborhoods;
     let way = |link: u32| Way {
         vector: position - neighborhoods.positions()[link as usize],
-        spacing: 0.5 * (vicinity.spacing + neighborhoods.spacings().of(link as usize)),
+        spacing: vicinity
+            .spacing
+            .min(neighborhoods.spacings().of(link as usize)),
     };
     let others = || links.sites().map(way);
-    let step = fit.step_towards(centroid + crowding.relief(others()), position);
+    let is_at_border = is_open && fit.trust >= 1.0;
+    let relief = crowding.of_site(is_at_border).relief(others());
+    let step = fit.step_towards(centroid + relief, position);
     match is_doubtful {
         true => without_leaving(step, others()),
         false => step,
