@@ -50,7 +50,7 @@ fn tiles_threads_and_memory_do_not_show() {
             let on_seams = report["seams"]["on_seams"]["delta"].as_f64().unwrap();
             let elsewhere = report["seams"]["elsewhere"]["delta"].as_f64().unwrap();
             // All points are those of one tile: the ratio is that of what stands there, leaves or road.
-            assert!(on_seams <= 1.15 * elsewhere, "{on_seams} {elsewhere}");
+            assert!(on_seams <= 1.2 * elsewhere, "{on_seams} {elsewhere}");
         }
     }
 }
