@@ -14,16 +14,17 @@ use crate::{
 /// Two sites draw apart if they are nearer than this in the first iteration. With 0.93 from the first on, the excess of the energy ratio on surfaces was
 /// 4 % higher on ten clouds.
 const NEAREST_AT_FIRST_IN_SPACINGS: f64 = 0.85;
-/// Two sites draw apart if they are nearer than this in the last iteration; it grows evenly from the first one on. With 1.0 the excess was 1.3 % higher.
+/// Two sites draw apart if they are nearer than this in the last iteration; the distance grows evenly from the first one on. With 1.0 the excess of the
+/// energy ratio on surfaces was 1.3 % higher.
 const NEAREST_AT_LAST_IN_SPACINGS: f64 = 0.98;
-/// This distance for seeds that stand on no lattices: many of their cells have five or seven neighbours, and no room for more. With 0.98 δ on a sphere was
-/// 0.055 instead of 0.053.
+/// The distance in the last iteration if seeds stand on no lattices: many of their cells have five or seven neighbours, and no room for more. With 0.98 δ on a
+/// sphere was 0.055 instead of 0.053 at most.
 const NEAREST_AT_LAST_WITHOUT_LATTICES_IN_SPACINGS: f64 = 0.95;
 /// The share of what is missing to that distance by which two sites draw apart in one iteration, both together. Over-relaxation
 /// lengthens it: with a share of 1.2 sites overshoot, and δ was 12 % higher.
 const SHARE_IN_AN_ITERATION: f64 = 0.7;
 /// A site at the border of a surface draws away from others that are nearer than this, in all iterations: its centroid presses rows of
-/// sites together there. With the same for all sites with a doubtful centroid δ of forests was 1 % higher, and their points 2 to 3 % farther from the scan.
+/// sites together there. With the same for all sites with a doubtful centroid δ of a forest was up to 1 % higher, and its points 2 to 3 % farther from the scan.
 const NEAREST_AT_BORDER_IN_SPACINGS: f64 = 1.0;
 /// Its share is larger: often it does its half alone, because the other site is far enough away by its own rule. With a share of 1 δ on surfaces was
 /// 2.5 % higher on ten clouds.
@@ -49,8 +50,8 @@ impl Crowding {
             SeedRule::Poisson => NEAREST_AT_LAST_WITHOUT_LATTICES_IN_SPACINGS,
             _ => NEAREST_AT_LAST_IN_SPACINGS,
         };
-        let share = f64::from(iteration + 1) / f64::from(options.iterations.max(1));
-        let nearest = first + (last - first) * share.min(1.0);
+        let progress = f64::from(iteration + 1) / f64::from(options.iterations.max(1));
+        let nearest = first + (last - first) * progress.min(1.0);
         options.seeds.is_election().then_some(Self {
             nearest,
             share: SHARE_IN_AN_ITERATION,
