@@ -24,7 +24,7 @@ const PARAMETERS: usize = 3;
 const LEAST_ROUNDNESS_SQUARED: f64 = 0.02;
 /// Facets whose normals differ less (by the sine of their angle) do not meet near by.
 const LEAST_SINE: f64 = 0.3;
-/// A position nearer than this to a second facet is on their edge.
+/// A position nearer than this to a second facet is on their edge, and as near to it as any other there.
 const EDGE_WIDTH_IN_CAPTURES: f64 = 0.01;
 
 /// A plane through `point` with this unit `normal`.
@@ -128,6 +128,47 @@ impl Facets {
         foot
     }
 
+    /// Lets the site at `position` go onto an edge within `reach` (CRS units), unless one of the `others` that can do so, too,
+    /// comes first, with a place less than `gap` (CRS units) away: one that is nearer to the edge does. Returns whether the site
+    /// goes there.
+    pub(crate) fn claim_edge(
+        &mut self,
+        position: Local,
+        mut others: impl Iterator<Item = Local>,
+        reach: f64,
+        gap: f64,
+    ) -> bool {
+        self.capture = reach;
+        let claims = self.place_on_edge(position).is_some_and(|place| {
+            let own = self.rank(position, place);
+            let comes_first = |other: Local| {
+                self.place_on_edge(other).is_some_and(|other_place| {
+                    (other_place - place).norm() < gap && self.rank(other, other_place) < own
+                })
+            };
+            !others.any(comes_first)
+        });
+        if !claims {
+            self.capture = 0.0;
+        }
+        claims
+    }
+
+    /// The place on an edge onto which a site at `position` is moved, if it is near enough to one.
+    fn place_on_edge(&self, position: Local) -> Option<Local> {
+        let foot = self.foot_point(position);
+        self.normal(foot).is_none().then_some(foot)
+    }
+
+    /// What decides between two sites that claim an edge: how far the one at `position` is from its `place` there (CRS units), and
+    /// where it is if both are on it.
+    fn rank(&self, position: Local, place: Local) -> (f64, [f64; 3]) {
+        let distance = (position - place).norm();
+        let is_on_edge = distance <= EDGE_WIDTH_IN_CAPTURES * self.capture;
+        let left = if is_on_edge { 0.0 } else { distance };
+        (left, position.into())
+    }
+
     /// The unit normal, of either sign, of the facet on which `position` lies; `None` if that is an edge.
     pub(crate) fn normal(&self, position: Local) -> Option<Local> {
         let own = self.nearest(position);
@@ -193,6 +234,32 @@ mod tests {
             step(0.2).normal(Local::new(-0.1, 7.0, 0.0)),
             Some(Local::z())
         );
+    }
+
+    #[test]
+    fn of_sites_that_claim_one_place_on_an_edge_the_nearest_goes() {
+        let claims = |own: Local, others: &[Local]| {
+            let mut facets = step(0.0);
+            let claims = facets.claim_edge(own, others.iter().copied(), 0.6, 0.75);
+            // Two thirds of the reach away from the edge a site goes there if it may.
+            let foot = facets.foot_point(Local::new(-0.4, 7.0, 0.0));
+            assert_eq!(foot.x, if claims { 0.0 } else { -0.4 });
+            claims
+        };
+        let at = |x, y, z| Local::new(x, y, z);
+        let own = at(-0.4, 7.0, 0.0);
+        assert!(claims(own, &[]));
+        // Too far from the edge.
+        assert!(!claims(at(-0.7, 7.0, 0.0), &[]));
+        // Beside an occupied place, and between two that leave room.
+        assert!(!claims(own, &[at(0.0, 7.7, 0.0)]));
+        assert!(claims(own, &[at(0.0, 7.8, 0.0), at(0.0, 6.2, 0.0)]));
+        // On the other face, nearer to the edge and farther from it.
+        assert!(!claims(own, &[at(0.0, 7.1, -0.3)]));
+        assert!(claims(own, &[at(0.0, 7.1, -0.5)]));
+        // Of two on the edge one stays, whatever the rounding.
+        let [one, other] = [at(1e-16, 7.0, 0.0), at(0.0, 7.5, 0.0)];
+        assert!(claims(one, &[other]) != claims(other, &[one]));
     }
 
     #[test]

@@ -15,9 +15,10 @@ pub(crate) enum EdgeRule {
     On,
 }
 
-/// Sites nearer to an edge than this are moved onto it. Of sites as dense as the hexagonal lattice one lies within
-/// 0.433 spacings of a line for each spacing of its length.
-const CAPTURE_IN_SPACINGS: f64 = 0.42;
+/// Sites nearer to an edge than this are moved onto it where there is room. Of sites as dense as the hexagonal lattice one lies
+/// within 0.433 spacings of a line for each spacing of its length; but where the lattice has its rows at right angles to the
+/// line, every other one of them can be half a spacing away.
+const CAPTURE_IN_SPACINGS: f64 = 0.7;
 
 impl EdgeRule {
     /// Whether this is the default, which records do not state.

@@ -131,7 +131,7 @@ impl SolverOptions {
     /// Whether facets are sought in this `iteration` where patches round an edge. Sites that are to end on the edge need
     /// time to become even along it; others are moved to the facets when all iterations are done.
     pub(super) fn seeks_facets(&self, iteration: u32) -> bool {
-        let is_late = 4 * iteration >= 3 * self.iterations;
+        let is_late = 2 * iteration >= self.iterations;
         is_late && self.edge_capture.is_some_and(|capture| capture > 0.0)
     }
 

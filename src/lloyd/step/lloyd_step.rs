@@ -342,24 +342,27 @@ impl Step {
 }
 
 /// The step of a site with these `links` towards its `centroid` on the surface of `fit`, evened by the distances to the linked sites. Where
-/// the centroid is doubtful the clearance is widened.
+/// the centroid is doubtful the clearance is widened, unless the site goes onto an edge, where others leave it little room.
 fn even_step(
     centroid: Local,
-    fit: &Fit,
+    fit: &mut Fit,
     links: &Links,
     is_open: bool,
     iteration: Iteration<'_>,
     vicinity: &mut Vicinity<'_>,
 ) -> Local {
-    let is_doubtful = is_doubtful(fit, is_open);
+    let (position, neighborhoods) = (vicinity.position, vicinity.neighborhoods);
+    let claims_edge = iteration.seeks_facets && {
+        let place = |link: u32| neighborhoods.positions()[link as usize];
+        fit.claims_edge(position, links.sites().map(place), iteration.surface)
+    };
+    let is_doubtful = is_doubtful(fit, is_open) && !claims_edge;
     if is_doubtful {
         vicinity.widen_clearance();
     }
-    let position = vicinity.position;
     let Some(crowding) = iteration.crowding else {
         return fit.step_towards(centroid, position);
     };
-    let neighborhoods = vicinity.neighborhoods;
     let way = |link: u32| Way {
         vector: position - neighborhoods.positions()[link as usize],
         spacing: vicinity
