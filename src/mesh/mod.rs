@@ -1,7 +1,7 @@
 //! Triangles between even points: a mesh of the surfaces that the points lie on.
 //!
 //! ```text
-//!   points, normals ─► stars ─► agreement ─► holes ─► fringe ─► diagonals ─► triangles ─► sides ─► oriented triangles
+//!   points, normals ─► stars ─► agreement ─► holes ─► fringe ─► holes ─► diagonals ─► sides ─► oriented triangles
 //! ```
 //!
 //! The **star** of a point are the triangles that its Voronoi cell on the surface names: one for each corner
@@ -9,7 +9,7 @@
 //! name the same triangle, and together they are the restricted Delaunay triangulation. Where they differ,
 //! **agreement** chooses, so that no two triangles overlap and no edge has more than two. **Holes** that
 //! are narrower than a few spacings are closed; wider ones are borders. From their **fringe** slivers and loose ears are
-//! taken away. Where the points were brought onto sharp edges, **diagonals** that cut across one are turned. **Sides** turns
+//! taken away, and the holes closed that these kept open. Where the points were brought onto sharp edges, **diagonals** that cut across one are turned. **Sides** turns
 //! the triangles of a component the same way around.
 //!
 //! Every decision is made from what lies within [`MeshRules::reach_in_spacings`] of it, in an order that the positions
@@ -53,7 +53,7 @@ pub(crate) type Corners = [u32; 3];
 const REACH_IN_SPACINGS: f64 = estimated_normals::REACH
     + stars::REACH
     + agreement::REACH
-    + holes::REACH
+    + 2.0 * holes::REACH
     + fringe::REACH
     + 2.0 * stars::LARGEST_CIRCUMRADIUS;
 
@@ -102,6 +102,9 @@ pub(crate) fn triangulate(
     let may_be_border = holes::close(positions, spacing, &mut triangles);
     triangles.sort_unstable();
     fringe::trim(positions, spacing, may_be_border, &mut triangles);
+    // An ear that stood in the way of others left a hole open.
+    holes::close(positions, spacing, &mut triangles);
+    triangles.sort_unstable();
     triangles
 }
 

@@ -335,7 +335,7 @@ fn used_and_components(triangles: &[Corners]) -> (Vec<u32>, usize) {
 
 #[test]
 fn a_trimmed_fringe_leaves_every_point_and_what_hangs_together() {
-    let mut taken = 0;
+    let (mut taken, mut closed) = (0, 0);
     for (noise, share) in [(0.1, 0.3), (0.3, 0.2), (0.45, 0.4), (0.45, 0.1)] {
         // Points without a normal make holes and borders of all shapes.
         let mut points = cloud(sheet(6.0), noise);
@@ -361,8 +361,13 @@ fn a_trimmed_fringe_leaves_every_point_and_what_hangs_together() {
         let mut by_all = triangles.clone();
         fringe::trim(&positions, 1.0, vec![true; positions.len()], &mut by_all);
         assert_eq!(by_all, trimmed);
-        assert!(edges_of(&trimmed).values().all(|runs| runs.len() <= 2));
         taken += triangles.len() - trimmed.len();
+        // Holes that were kept open are closed then, and nothing else changes.
+        let open = trimmed.len();
+        holes::close(&positions, 1.0, &mut trimmed);
+        assert!(edges_of(&trimmed).values().all(|runs| runs.len() <= 2));
+        assert_eq!(trimmed[..open], by_all);
+        closed += trimmed.len() - open;
     }
-    assert!(taken > 100, "{taken}");
+    assert!(taken > 100 && closed > 0, "{taken} {closed}");
 }
