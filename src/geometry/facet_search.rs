@@ -57,7 +57,7 @@ const LEAST_GAIN_OF_ONE: f64 = 0.1;
 /// simulated street with noise of 0.09 spacings that spares two thirds of the searches.
 const LEAST_CORRELATION: f64 = 0.05;
 /// A patch with a larger quadratic term at the radius of its fit may follow an edge so closely that the residuals do not tell: a
-/// search is made in any case. Half of the sites at such edges had none without; on a simulated street the time is the same.
+/// search is made in any case. Without that 13 % of the sites on the edges of a simulated street had no search, with it 4 %, in the same time.
 const LARGEST_BEND_IN_FIT_RADII: f64 = 0.2;
 /// Nearly parallel planes nearer to each other than this number of tolerances are the same facet.
 const APART_IN_TOLERANCES: f64 = 4.0;

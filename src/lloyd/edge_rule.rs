@@ -48,13 +48,11 @@ mod tests {
     /// The gaps (spacings) between the sites that end on the edge of a step that is 20 spacings long, turned by `angle` (degrees) about the
     /// vertical, in their order; away from the ends of the edge.
     fn gaps_on_a_step(angle: f64) -> Vec<f64> {
-        let (spacing, quantization) = (
-            0.1,
-            Quantization {
-                scale: 1e-6,
-                offset: [0.0; 3],
-            },
-        );
+        let spacing = 0.1;
+        let quantization = Quantization {
+            scale: 1e-6,
+            offset: [0.0; 3],
+        };
         let options = SolverOptions {
             edge_capture: EdgeRule::On.capture(spacing),
             ..SolverOptions::new(spacing)

@@ -40,7 +40,7 @@ const FACETED_IN_SPACINGS: f64 = 0.025;
 /// The share of the usual distance from an edge within which sites are moved onto it when all iterations are done: most
 /// of those that belong there are there, and others would leave a gap.
 const LATE_CAPTURE: f64 = 0.15;
-/// A site goes onto an edge if it is nowhere nearer to others there than this. With 0.85 a third of all gaps in the rows on the
+/// A site goes onto an edge if it is nowhere nearer to others there than this. With 0.85 a quarter of the gaps in the rows on the
 /// edges of a simulated street were wider than 1.4 spacings, with this a sixth.
 const LEAST_GAP_ON_EDGE_IN_SPACINGS: f64 = 0.75;
 /// The excess of the residual at which the fit radius is reduced the most.
