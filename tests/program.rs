@@ -47,10 +47,13 @@ fn tiles_threads_and_memory_do_not_show() {
             // So small tiles do their iterations in two rounds.
             let stages = report["stages"].as_array().unwrap();
             assert!(stages.iter().any(|stage| stage["stage"] == "start"));
-            let on_seams = report["seams"]["on_seams"]["delta"].as_f64().unwrap();
-            let elsewhere = report["seams"]["elsewhere"]["delta"].as_f64().unwrap();
-            // All points are those of one tile: the ratio is that of what stands there, leaves or road.
-            assert!(on_seams <= 1.2 * elsewhere, "{on_seams} {elsewhere}");
+            // All points are those of one tile: the ratio is that of what stands there, leaves or road. Without the
+            // farthest hundredth, which stands alone somewhere, it is nearly one.
+            for (figure, most) in [("delta", 1.2), ("delta_trimmed", 1.05)] {
+                let of = |place: &str| report["seams"][place][figure].as_f64().unwrap();
+                let (on_seams, elsewhere) = (of("on_seams"), of("elsewhere"));
+                assert!(on_seams <= most * elsewhere, "{on_seams} {elsewhere}");
+            }
         }
     }
 }

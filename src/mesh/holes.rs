@@ -27,7 +27,7 @@ const WIDEST: f64 = 4.5;
 pub(super) const REACH: f64 = WIDEST + 2.0 * LARGEST_CIRCUMRADIUS;
 
 /// Adds to `triangles` those that close the narrow holes between them, and takes away those that have no edge in
-/// common with another one. Returns for each of `positions` whether it may be at a border: it was before holes were
+/// common with another one; they are sorted then. Returns for each of `positions` whether it may be at a border: it was before holes were
 /// closed.
 pub(super) fn close(positions: &[Local], spacing: f64, triangles: &mut Vec<Corners>) -> Vec<bool> {
     let borders = Borders::of(positions, triangles);
@@ -52,6 +52,7 @@ pub(super) fn close(positions: &[Local], spacing: f64, triangles: &mut Vec<Corne
     let mut has_neighbor = has_neighbor.into_iter();
     triangles.retain(|_| has_neighbor.next().unwrap_or(true));
     triangles.extend(added);
+    triangles.sort_unstable();
     let mut may_be_border = vec![false; positions.len()];
     for edge in &borders.around {
         may_be_border[edge.from as usize] = true;

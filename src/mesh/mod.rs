@@ -100,11 +100,9 @@ pub(crate) fn triangulate(
     let candidates = stars::candidates(positions, normals, spacing);
     let mut triangles = agreement::agreed(positions, candidates);
     let may_be_border = holes::close(positions, spacing, &mut triangles);
-    triangles.sort_unstable();
     fringe::trim(positions, spacing, may_be_border, &mut triangles);
     // An ear that stood in the way of others left a hole open.
     holes::close(positions, spacing, &mut triangles);
-    triangles.sort_unstable();
     triangles
 }
 
