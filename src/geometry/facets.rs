@@ -34,6 +34,15 @@ pub(super) struct Facet {
     pub(super) normal: Local,
 }
 
+/// A sharp edge, as it is seen from a position.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SharpEdge {
+    /// The place on it that is nearest to the position.
+    pub(crate) place: Local,
+    /// The unit vector along it, of either sign.
+    pub(crate) direction: Local,
+}
+
 /// The planes near an edge or a corner.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Facets {
@@ -126,6 +135,23 @@ impl Facets {
             }
         }
         foot
+    }
+
+    /// The edge nearest to `position`, if it is nearer than `reach` (CRS units).
+    pub(crate) fn edge_near(mut self, position: Local, reach: f64) -> Option<SharpEdge> {
+        self.capture = reach;
+        let place = self.place_on_edge(position)?;
+        if (place - position).norm() >= reach {
+            return None;
+        }
+        let height = |facet: &Facet| facet.height(place).abs();
+        self.all
+            .sort_by(|one, other| height(one).total_cmp(&height(other)));
+        let [one, other, ..] = self.all.as_slice() else {
+            return None;
+        };
+        let direction = one.normal.cross(&other.normal).try_normalize(LEAST_SINE)?;
+        Some(SharpEdge { place, direction })
     }
 
     /// Lets the site at `position` go onto an edge within `reach` (CRS units), unless one of the `others` that can do so, too,
@@ -234,6 +260,17 @@ mod tests {
             step(0.2).normal(Local::new(-0.1, 7.0, 0.0)),
             Some(Local::z())
         );
+    }
+
+    #[test]
+    fn an_edge_is_seen_from_near_it() {
+        let edge = |x, z| step(0.0).edge_near(Local::new(x, 7.0, z), 0.5);
+        let from_above = edge(-0.3, 0.1).unwrap();
+        assert_eq!(from_above.place, Local::new(0.0, 7.0, 0.0));
+        assert_eq!(from_above.direction.map(f64::abs), Local::y());
+        assert!(edge(-0.6, 0.0).is_none());
+        // Beyond the end of a face it is as far as it is.
+        assert!(edge(0.3, 0.45).is_none());
     }
 
     #[test]

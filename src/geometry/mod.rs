@@ -44,7 +44,7 @@ pub(crate) use coordinates::by_position;
 pub use coordinates::{Local, Quantization, Rect, Stored};
 pub(crate) use facet_samples::FacetSample;
 pub(crate) use facet_search::FACET_RADIUS_IN_FIT_RADII;
-pub(crate) use facets::Facets;
+pub(crate) use facets::{Facets, SharpEdge};
 pub(crate) use grid_walk::GridWalk;
 pub(crate) use hash::{Dice, spread};
 pub(crate) use layered_cells::LayeredCells;

@@ -8,7 +8,7 @@ use super::{
     seeds::{DominantNormals, SeedRule},
     step::Restriction,
 };
-use crate::geometry::PatchKind;
+use crate::geometry::{FACET_RADIUS_IN_FIT_RADII, PatchKind};
 
 /// The options of one solve. Lengths are CRS units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -54,7 +54,7 @@ pub(crate) const FIT_RADIUS_IN_SPACINGS: f64 = 1.2;
 pub(crate) const FILL_IN_SPACINGS: f64 = 4.0;
 
 /// Bound on the chains of an election, and on the reach of its lattices: they go on for a spacing, and their normals are
-/// averaged over two.
+/// averaged over two. Nodes on an edge are found from no farther.
 const SEED_MARGIN_IN_SPACINGS: f64 = 9.0;
 /// Seeds nearer to each other than this belong together, when isolated ones are sought: on a surface the nearest seed is
 /// hardly ever as far.
@@ -131,8 +131,12 @@ impl SolverOptions {
     /// Whether facets are sought in this `iteration` where patches round an edge. Sites that are to end on the edge need
     /// time to become even along it; others are moved to the facets when all iterations are done.
     pub(super) fn seeks_facets(&self, iteration: u32) -> bool {
-        let is_late = 2 * iteration >= self.iterations;
-        is_late && self.edge_capture.is_some_and(|capture| capture > 0.0)
+        2 * iteration >= self.iterations && self.has_rows_on_edges()
+    }
+
+    /// Whether sites stand in rows on sharp edges.
+    pub(super) fn has_rows_on_edges(&self) -> bool {
+        self.edge_capture.is_some_and(|capture| capture > 0.0)
     }
 
     /// Depth (CRS units) inside the rectangle of available points from which on every tile
@@ -147,7 +151,11 @@ impl SolverOptions {
     /// Depth (CRS units) inside the rectangle of available points from which on every tile
     /// elects the same seeds, if isolated ones stay.
     fn election_margin(&self) -> f64 {
-        let elected = SEED_MARGIN_IN_SPACINGS * self.spacing + self.fit_radius;
+        let seen = match self.has_rows_on_edges() {
+            true => FACET_RADIUS_IN_FIT_RADII * self.fit_radius,
+            false => self.fit_radius,
+        };
+        let elected = SEED_MARGIN_IN_SPACINGS * self.spacing + seen;
         elected + 2.0 * (self.fill + self.smooth) + self.reach_of_grading()
     }
 

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::{
     Corners, MeshRules, MeshedPoints,
     component::Component,
-    diagonals,
+    crumbs, diagonals,
     edges::EdgeTriangles,
     estimated_normals,
     figures::{AngleClass, MeshFigures},
@@ -129,6 +129,9 @@ impl MeshedPart {
         };
         let loose = points.iter().zip(&normals).filter(is_loose).count() as u64;
         let mut triangles = triangulate(&positions, &normals, spacing);
+        if rules.points == MeshedPoints::Surfaces {
+            crumbs::sweep(&positions, spacing, &mut triangles);
+        }
         if rules.keeps_edges {
             // Normals that were estimated are no planes of the scan.
             let scanned: Vec<Option<Local>> = points.iter().map(|point| point.normal).collect();

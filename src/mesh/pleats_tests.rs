@@ -22,7 +22,8 @@ fn off_pleats(place: Local) -> f64 {
     (place.z * 2.0_f64.sqrt() - height).abs() / 2.0_f64.sqrt()
 }
 
-/// A sheet in pleats with right angles, each point near an edge on the edge itself.
+/// A sheet in pleats with right angles, each point near an edge on the edge itself. Along the edges points are denser than a lattice is,
+/// so that triangles along an edge have no small angles.
 fn pleats() -> impl Iterator<Item = (Local, Local)> {
     sheet(6.0).map(|(place, _)| {
         let (number, rest) = ((place.x / PLEAT).floor(), place.x.rem_euclid(PLEAT));
@@ -43,7 +44,7 @@ fn pleats() -> impl Iterator<Item = (Local, Local)> {
         } else {
             Local::new(slope, 0.0, 1.0).normalize()
         };
-        (Local::new(x, place.y, z), normal)
+        (Local::new(x, 0.7 * place.y, z), normal)
     })
 }
 

@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 use super::{
     election::{
-        ELECTION_RADIUS_IN_SPACINGS, Election, FILLING_RADIUS_IN_SPACINGS, GAP_RADIUS_IN_SPACINGS,
-        NODE_RADIUS_IN_SPACINGS,
+        EDGE_RADIUS_IN_SPACINGS, ELECTION_RADIUS_IN_SPACINGS, Election, FILLING_RADIUS_IN_SPACINGS,
+        GAP_RADIUS_IN_SPACINGS, NODE_RADIUS_IN_SPACINGS,
     },
     nodes::{Nodes, RankedNodes},
     rule::SeedRule,
@@ -22,9 +22,18 @@ pub(super) fn elected(surface: Surface<'_>) -> Vec<Stored> {
     }
     // Where one lattice goes on into the next, nodes are nearer to each other than seeds may be: they are elected, too.
     let nodes = Nodes::new(surface);
-    let RankedNodes { trusted, doubtful } = nodes.on_surface(surface);
+    let RankedNodes {
+        on_edges,
+        trusted,
+        doubtful,
+    } = nodes.on_surface(surface);
+    let mut edges = Election::new(surface);
+    edges.elect_in_order(on_edges, EDGE_RADIUS_IN_SPACINGS);
+    let [trusted, doubtful] =
+        [trusted, doubtful].map(|nodes| edges.clear_of_seeds(nodes, EDGE_RADIUS_IN_SPACINGS));
     election.elect_in_order(trusted, NODE_RADIUS_IN_SPACINGS);
     election.elect_in_order(doubtful, ELECTION_RADIUS_IN_SPACINGS);
+    election.seeds.append(&mut edges.seeds);
     // One point to a voxel says where a surface is. Elsewhere every point counts: what no seed
     // covers there is not covered later.
     let is_on_surface = |voxel: &&[Stored]| nodes.have(scan.quantization().local(voxel[0]));

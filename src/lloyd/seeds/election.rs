@@ -18,6 +18,10 @@ use crate::{
 /// on a sheet, see the test `the_election_meets_the_density`).
 pub(super) const ELECTION_RADIUS_IN_SPACINGS: f64 = 0.745;
 
+/// Radius of the election of nodes on sharp edges, and the distance that nodes on surfaces keep from them. With 0.7 there are too few
+/// sites beside an edge: on a simulated street 1.48 % of the triangles had an angle below 38° with it, 1.40 % with this.
+pub(super) const EDGE_RADIUS_IN_SPACINGS: f64 = 0.65;
+
 /// Radius of the election of nodes on surfaces that are trusted fully. Between two lattices a gap of up to a row is left beyond it:
 /// with a wider radius gaps are too wide on the mean, and points of the scan fill them with defects. With a narrower one some
 /// sites stay nearer to each other than those of a surface are.
@@ -80,6 +84,20 @@ impl<'a> Election<'a> {
         let seeds = self.seeds[..count].iter();
         let positions: Vec<Local> = seeds.map(|&seed| self.local(seed)).collect();
         self.surface.field().grid(&positions, 1.0)
+    }
+
+    /// Those of the `candidates` that no seed is within `radius` (spacings) of.
+    pub(super) fn clear_of_seeds(
+        &self,
+        mut candidates: Vec<(u32, Stored)>,
+        radius: f64,
+    ) -> Vec<(u32, Stored)> {
+        let (field, seeds) = (self.surface.field(), self.grid());
+        candidates.retain(|&(_, point)| {
+            let position = self.local(point);
+            !seeds.any_within(position, radius * field.at(position))
+        });
+        candidates
     }
 
     /// Elects candidates in the order of their ranks, equal ranks in the order of their

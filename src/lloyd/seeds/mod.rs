@@ -9,6 +9,7 @@ mod bricks;
 mod centering;
 mod coarse_normals;
 mod dominant_normals;
+mod edge_rows;
 mod elected;
 mod election;
 mod fronts;

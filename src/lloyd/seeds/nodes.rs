@@ -18,6 +18,7 @@ use std::cmp::Ordering;
 use rayon::prelude::*;
 
 use super::{
+    edge_rows,
     lattice::Lattice,
     normals::{CellLattice, LatticeCells, by_block},
 };
@@ -57,13 +58,24 @@ pub(super) struct Nodes {
 }
 
 /// Nodes on surfaces, each with its rank: of two that are too near to each other the one with the lower rank is elected.
+#[derive(Default)]
 pub(super) struct RankedNodes {
+    /// The nodes on sharp edges, ranked by the distance to the node that the edge was seen from.
+    pub(super) on_edges: Vec<(u32, Stored)>,
     /// The nodes on patches that are trusted fully, ranked by the tilt of the lattice, then by the distance to the sample that the
     /// node was found from.
     pub(super) trusted: Vec<(u32, Stored)>,
     /// The other nodes, ranked by that distance alone. They are elected after those that are trusted, with the usual radius, and so
     /// take the place of none: on the simulated street 97 instead of 101 sites are astray.
     pub(super) doubtful: Vec<(u32, Stored)>,
+}
+
+/// What is found at a candidate.
+struct Found {
+    /// Whether the node is on a patch that is trusted fully, and the node with its rank.
+    on_patch: Option<(bool, (u32, Stored))>,
+    /// A node on a sharp edge nearby, with its rank.
+    on_edge: Option<(u32, Stored)>,
 }
 
 /// A sample near a node.
@@ -103,16 +115,19 @@ impl Nodes {
             .iter()
             .map(|own| own.lattice.moved_to_node(own.sample, own.spacing))
             .collect();
-        let nodes = by_block(&above, surface, |samples, own| {
-            let candidate = &candidates[own];
-            let (position, is_trusted) = candidate.on_patch(above[own], surface, samples)?;
-            let stored = surface.quantization().stored(position)?;
-            Some((is_trusted, (candidate.rank(is_trusted), stored)))
+        let found = by_block(&above, surface, |samples, own| {
+            candidates[own].found(above[own], surface, samples)
         });
-        let (trusted, doubtful): (Vec<_>, Vec<_>) = nodes.into_iter().partition(|node| node.0);
-        let [trusted, doubtful] =
-            [trusted, doubtful].map(|nodes| nodes.into_iter().map(|(_, ranked)| ranked).collect());
-        RankedNodes { trusted, doubtful }
+        let mut nodes = RankedNodes::default();
+        for Found { on_patch, on_edge } in found {
+            nodes.on_edges.extend(on_edge);
+            match on_patch {
+                Some((true, node)) => nodes.trusted.push(node),
+                Some((false, node)) => nodes.doubtful.push(node),
+                None => {}
+            }
+        }
+        nodes
     }
 
     /// For every node near a surface the sample nearest to it. Where the spacing varies from place to place there are no nodes.
@@ -186,14 +201,8 @@ fn candidates_of_cell(
 }
 
 impl Candidate {
-    /// The node of the candidate on the patch of `surface` at the position `above` it, and whether the patch is trusted fully, if
-    /// the node is near the scan.
-    fn on_patch(
-        &self,
-        above: Local,
-        surface: Surface<'_>,
-        samples: &mut Samples,
-    ) -> Option<(Local, bool)> {
+    /// What is found on the patch of `surface` at the position `above` the node, and at an edge that it rounds.
+    fn found(&self, above: Local, surface: Surface<'_>, samples: &mut Samples) -> Option<Found> {
         let options = surface.options_at(above);
         let surface = surface.with(&options);
         let mut fit = Fit::trusted(above, samples, &options)?;
@@ -202,6 +211,47 @@ impl Candidate {
         let foot = fit.patch.foot_point(above);
         let node = self.lattice.moved_to_node(foot, self.spacing);
         let position = fit.patch.foot_point(node);
+        let ranked = |rank: u32, node: Local| Some((rank, surface.quantization().stored(node)?));
+        let on_edge = self.on_edge(&mut fit, position, surface, samples);
+        let is_trusted = fit.trust >= 1.0;
+        let is_node = self.is_node(&mut fit, [above, position], surface, samples);
+        let own = is_node.then(|| ranked(self.rank(is_trusted), position));
+        Some(Found {
+            on_patch: own.flatten().map(|ranked| (is_trusted, ranked)),
+            on_edge: on_edge.and_then(|(rank, node)| ranked(rank, node)),
+        })
+    }
+
+    /// The node of the sharp edge nearest to `position`, which is on the patch of `fit`, and its rank; `None` without an edge, and where
+    /// sites do not stand in rows on edges.
+    fn on_edge(
+        &self,
+        fit: &mut Fit,
+        position: Local,
+        surface: Surface<'_>,
+        samples: &mut Samples,
+    ) -> Option<(u32, Local)> {
+        if !surface.options.has_rows_on_edges() {
+            return None;
+        }
+        let reach = edge_rows::REACH_IN_SPACINGS * self.spacing;
+        let edge = fit.edge_near(position, reach, surface, samples)?;
+        let node = edge_rows::node_on(&edge, self.spacing);
+        let distance = (node - position).norm() / self.spacing;
+        // An edge ends somewhere.
+        let is_on_scan = fit.is_within_threshold(node, surface);
+        is_on_scan.then_some((rank_of(distance), node))
+    }
+
+    /// Whether the node is a seed at its `position` on the patch of `fit`, which was fitted `above` it: the surface reaches there, and the
+    /// scan is near.
+    fn is_node(
+        &self,
+        fit: &mut Fit,
+        [above, position]: [Local; 2],
+        surface: Surface<'_>,
+        samples: &mut Samples,
+    ) -> bool {
         let is_trusted = fit.trust >= 1.0;
         let goes_on = self.is_own
             || is_trusted
@@ -209,14 +259,13 @@ impl Candidate {
                     >= LEAST_REACH_IN_SPACINGS * self.spacing;
         let is_in_gap = |samples: &mut _| {
             is_trusted
-                && options.restriction == Restriction::Local
+                && surface.options.restriction == Restriction::Local
                 && self.is_near_scan(position, surface)
                 && is_surrounded(above, surface, samples)
         };
         // A node beyond a border is a seed that the iterations lead back. Without such nodes there were vacancies at borders: in a
         // scan of trees with noise δ was 0.131 instead of 0.123.
-        let is_node = goes_on && (fit.is_within_threshold(position, surface) || is_in_gap(samples));
-        is_node.then_some((position, is_trusted))
+        goes_on && (fit.is_within_threshold(position, surface) || is_in_gap(samples))
     }
 
     /// Whether a point of the scan is near the node at `position`.
@@ -227,7 +276,7 @@ impl Candidate {
 
     /// The rank of the node in its election.
     fn rank(&self, is_trusted: bool) -> u32 {
-        let distance = (self.squared.sqrt() * f64::from(RANKS_TO_A_TILT)) as u32;
+        let distance = rank_of(self.squared.sqrt());
         match is_trusted {
             true => self.tilt_rank * RANKS_TO_A_TILT + distance,
             false => distance,
@@ -254,6 +303,11 @@ impl Candidate {
                     .unwrap_or(Ordering::Equal)
             })
     }
+}
+
+/// The rank by a distance (spacings) alone.
+fn rank_of(distance: f64) -> u32 {
+    (distance * f64::from(RANKS_TO_A_TILT)) as u32
 }
 
 /// Whether `position`, in the box of `samples`, has the scan all around it.
@@ -324,7 +378,9 @@ mod tests {
     fn a_gap_in_the_scan_has_its_node_and_what_lies_beyond_a_border_has_none() {
         let has_origin = |is_scanned: fn(Local) -> bool| {
             let (nodes, scan, options) = part_of_plane(Local::x(), Local::y(), is_scanned);
-            let RankedNodes { trusted, doubtful } = nodes.on_surface(Surface::new(&scan, &options));
+            let RankedNodes {
+                trusted, doubtful, ..
+            } = nodes.on_surface(Surface::new(&scan, &options));
             let is_it = |&(_, node): &_| QUANTIZATION.local(node).norm() < 0.005;
             trusted.iter().chain(&doubtful).any(is_it)
         };
@@ -350,7 +406,9 @@ mod tests {
         let scan = Scan::as_scanned(wire, QUANTIZATION, &options);
         let nodes = Nodes::new(Surface::new(&scan, &options));
         assert!(!nodes.have(Local::new(1.0, 0.0, 0.0)));
-        let RankedNodes { trusted, doubtful } = nodes.on_surface(Surface::new(&scan, &options));
+        let RankedNodes {
+            trusted, doubtful, ..
+        } = nodes.on_surface(Surface::new(&scan, &options));
         assert!(trusted.is_empty() && doubtful.is_empty());
     }
 }

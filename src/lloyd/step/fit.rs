@@ -7,7 +7,10 @@ use super::{
     scan_border::{ScanBorder, Standing},
 };
 use crate::{
-    geometry::{BOUNDING_SIDES, Facets, Local, Patch, PatchKind, Reach, bounding_corners, upwards},
+    geometry::{
+        BOUNDING_SIDES, Facets, Local, Patch, PatchKind, Reach, SharpEdge, bounding_corners,
+        upwards,
+    },
     lloyd::{SolverOptions, surface::Surface},
 };
 
@@ -137,6 +140,18 @@ impl Fit {
         let capture = LATE_CAPTURE * options.edge_capture.filter(|_| is_rounded)?;
         let samples = samples.of_facets(position, surface);
         Facets::find(position, samples, &self.patch, options.fit_radius, capture).map(Box::new)
+    }
+
+    /// The sharp edge nearest to `position`, if it is nearer than `reach` (CRS units).
+    pub(crate) fn edge_near(
+        &self,
+        position: Local,
+        reach: f64,
+        surface: Surface<'_>,
+        samples: &mut Samples,
+    ) -> Option<SharpEdge> {
+        let facets = self.facets_around(position, surface, samples)?;
+        facets.edge_near(position, reach)
     }
 
     /// Seeks the facets anew around `position`, and gives its foot point on them; `None` if there are none.
