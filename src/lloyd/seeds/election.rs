@@ -86,7 +86,7 @@ impl<'a> Election<'a> {
         self.surface.field().grid(&positions, 1.0)
     }
 
-    /// Those of the `candidates` that no seed is within `radius` (spacings) of.
+    /// The `candidates` that no seed is within `radius` (spacings) of.
     pub(super) fn clear_of_seeds(
         &self,
         mut candidates: Vec<(u32, Stored)>,

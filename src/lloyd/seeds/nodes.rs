@@ -3,8 +3,8 @@
 //! The most even cover of a plane is a hexagonal lattice. So where the scan has a surface, the
 //! nodes of a lattice in its plane, put on the patches, are elected first. Where the surface
 //! bends, one lattice gives way to the next: each goes on into the other until their nodes are too
-//! near to each other, and those of the one that is tilted less against the surface stay. Points of
-//! the scan fill what is left.
+//! near to each other, and those of the one that is tilted less against the surface stay. Sharp edges can have
+//! [nodes of their own](super::edge_rows). Points of the scan fill what is left.
 //!
 //! Lloyd's method alone never gets there: from random seeds it ends in small grains with
 //! defects all around, and every pair of defects takes hundreds of iterations to meet and
@@ -231,7 +231,8 @@ impl Candidate {
         surface: Surface<'_>,
         samples: &mut Samples,
     ) -> Option<(u32, Local)> {
-        if !surface.options.has_rows_on_edges() {
+        // What the lattice of a neighbouring cell would find, that of the cell finds.
+        if !self.is_own || !surface.options.has_rows_on_edges() {
             return None;
         }
         let reach = edge_rows::REACH_IN_SPACINGS * self.spacing;
