@@ -133,7 +133,7 @@ mod tests {
     fn a_crumb_goes_and_flat_wide_and_large_pieces_stay() {
         assert_eq!(left(&[fan(0.0, 6, 1.5)], 1.0), 0);
         assert_eq!(left(&[fan(0.0, 6, 0.2)], 1.0), 6);
-        // The same, two rims of 2 are wider than eight spacings of 0.2.
+        // A fan is two units wide, more than eight spacings of 0.2.
         assert_eq!(left(&[fan(0.0, 6, 1.5)], 0.2), 6);
         assert_eq!(left(&[fan(0.0, 32, 1.5)], 1.0), 32);
         assert_eq!(left(&[fan(0.0, 6, 1.5), fan(3.0, 6, 0.2)], 1.0), 6);

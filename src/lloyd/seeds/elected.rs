@@ -29,8 +29,8 @@ pub(super) fn elected(surface: Surface<'_>) -> Vec<Stored> {
     } = nodes.on_surface(surface);
     let mut edges = Election::new(surface);
     edges.elect_in_order(on_edges, EDGE_RADIUS_IN_SPACINGS);
-    let [trusted, doubtful] =
-        [trusted, doubtful].map(|nodes| edges.clear_of_seeds(nodes, EDGE_RADIUS_IN_SPACINGS));
+    let [trusted, doubtful] = [trusted, doubtful]
+        .map(|nodes| edges.clear_of_seeds(nodes, EDGE_RADIUS_IN_SPACINGS, |_, _| 1.0));
     election.elect_in_order(trusted, NODE_RADIUS_IN_SPACINGS);
     election.elect_in_order(doubtful, ELECTION_RADIUS_IN_SPACINGS);
     election.seeds.append(&mut edges.seeds);

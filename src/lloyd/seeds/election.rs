@@ -86,18 +86,25 @@ impl<'a> Election<'a> {
         self.surface.field().grid(&positions, 1.0)
     }
 
-    /// The `candidates` that no seed is within `radius` (spacings) of.
+    /// The `candidates` that no seed is within `radius` (spacings) of, by the mean of the whole of it and the share that `share_at` gives for
+    /// their positions and spacings (CRS units).
     pub(super) fn clear_of_seeds(
         &self,
-        mut candidates: Vec<(u32, Stored)>,
+        candidates: Vec<(u32, Stored)>,
         radius: f64,
+        share_at: impl Fn(Local, f64) -> f64 + Sync,
     ) -> Vec<(u32, Stored)> {
         let (field, seeds) = (self.surface.field(), self.grid());
-        candidates.retain(|&(_, point)| {
-            let position = self.local(point);
-            !seeds.any_within(position, radius * field.at(position))
-        });
         candidates
+            .into_par_iter()
+            .with_max_len(ITEMS_PER_TASK)
+            .filter(|&(_, point)| {
+                let position = self.local(point);
+                let spacing = field.at(position);
+                let mean = 0.5 * (radius + radius * share_at(position, spacing));
+                !seeds.any_within(position, mean * spacing)
+            })
+            .collect()
     }
 
     /// Elects candidates in the order of their ranks, equal ranks in the order of their
@@ -141,22 +148,13 @@ impl<'a> Election<'a> {
     /// it does not matter which of the two is elected first.
     fn elect_apart(
         &mut self,
-        mut candidates: Vec<(u32, Stored)>,
+        candidates: Vec<(u32, Stored)>,
         radius: f64,
         share_at: impl Fn(Local, f64) -> f64 + Sync,
     ) {
-        let (field, earlier) = (self.surface.field(), self.grid());
         // Earlier seeds cover most candidates.
-        candidates = candidates
-            .into_par_iter()
-            .with_max_len(ITEMS_PER_TASK)
-            .filter(|&(_, point)| {
-                let position = self.local(point);
-                let spacing = field.at(position);
-                let mean = 0.5 * (radius + radius * share_at(position, spacing));
-                !earlier.any_within(position, mean * spacing)
-            })
-            .collect();
+        let field = self.surface.field();
+        let mut candidates = self.clear_of_seeds(candidates, radius, &share_at);
         candidates.par_sort_unstable_by_key(|&(rank, point)| (rank, self.priority(point), point));
         let positions: Vec<Local> = candidates.iter().map(|&(_, p)| self.local(p)).collect();
         let spacings = field.at_all(&positions);
