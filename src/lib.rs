@@ -40,7 +40,8 @@
 //!
 //! A tile is **solved** alone (`lloyd`): seeds are elected from the scan by a rule that looks at a
 //! neighbourhood only, and are moved, iteration by iteration, to the centroids of their Voronoi cells,
-//! restricted to quadratic patches that are fitted to the scan (`geometry`). Every seed has an identity that
+//! restricted to quadratic patches that are fitted to the scan (`geometry`); in the end each stands on a patch that a wider part of
+//! the scan has corrected. Every seed has an identity that
 //! does not depend on tiles, and everything is computed from the data in an order given by the data: two
 //! tiles that both see enough have the same bits. Where tiles are small, they do it in two *rounds*: all
 //! tiles do the first iterations before any does the rest, and each needs to see less around it. The

@@ -21,9 +21,6 @@ use super::{
     facets::{Facet, Facets, MOST_FACETS},
 };
 
-/// Radius of the neighbourhood in which facets are sought, in radii of the fit of a patch: the planes are to be seen
-/// beyond the edge.
-pub(crate) const FACET_RADIUS_IN_FIT_RADII: f64 = 2.4;
 /// Radius of the neighbourhood of a sample that a candidate is fitted to.
 const CANDIDATE_RADIUS_IN_FIT_RADII: f64 = 0.42;
 /// Distance from a facet within which samples lie on it where the scan has no noise.
@@ -315,7 +312,7 @@ impl Facets {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Dice, PatchKind};
+    use crate::geometry::{Dice, PatchKind, WIDE_RADIUS_IN_FIT_RADII};
 
     const RADIUS: f64 = 1.2;
 
@@ -335,7 +332,7 @@ mod tests {
             }
         }
         let patch = Patch::fit(site, &places, RADIUS, PatchKind::Quadratic).unwrap();
-        let radius = FACET_RADIUS_IN_FIT_RADII * RADIUS;
+        let radius = WIDE_RADIUS_IN_FIT_RADII * RADIUS;
         let near = places.iter().filter(|&p| (p - site).norm() < radius);
         let mut samples: Vec<FacetSample> = near
             .map(|&p| FacetSample::new(p, site, 1.0, radius))
@@ -418,7 +415,7 @@ mod tests {
     #[test]
     fn the_order_of_the_samples_does_not_matter() {
         let site = Local::new(0.1, 0.05, -0.05);
-        let radius = FACET_RADIUS_IN_FIT_RADII * RADIUS;
+        let radius = WIDE_RADIUS_IN_FIT_RADII * RADIUS;
         let mut dice = Dice(4);
         let mut places = Vec::new();
         for _ in 0..400 {

@@ -15,6 +15,24 @@ pub(super) struct Heights {
 }
 
 impl Heights {
+    /// Heights whose coefficients h, p, q, a, b, c have the unit of length `unit` (CRS units).
+    pub(super) fn from_units_of(unit: f64, [h, p, q, a, b, c]: [f64; 6]) -> Self {
+        Self {
+            h: h * unit,
+            p,
+            q,
+            a: a / unit,
+            b: b / unit,
+            c: c / unit,
+        }
+    }
+
+    /// The coefficients h, p, q, a, b, c with the unit of length `unit` (CRS units).
+    pub(super) fn in_units_of(&self, unit: f64) -> [f64; 6] {
+        let Self { h, p, q, a, b, c } = *self;
+        [h / unit, p, q, a * unit, b * unit, c * unit]
+    }
+
     /// The height `w` over `(u, v)`.
     #[inline]
     pub(super) fn at(&self, u: f64, v: f64) -> f64 {

@@ -121,15 +121,8 @@ impl Patch {
     /// the neighbours, `free` their effective number beyond the coefficients.
     fn fit_heights(&mut self, near: Lanes<'_>, foot: f64, total: f64, free: f64, radius: f64) {
         let equations = HeightEquations::new(near, self.axes, foot);
-        if let Some(([h, p, q, a, b, c], products)) = equations.solve() {
-            self.heights = Heights {
-                h: h * radius,
-                p,
-                q,
-                a: a / radius,
-                b: b / radius,
-                c: c / radius,
-            };
+        if let Some((solved, products)) = equations.solve() {
+            self.heights = Heights::from_units_of(radius, solved);
             // The share of the mean squared height over the plane that the coefficients explain.
             let explained = products / total * radius * radius;
             self.shrink(explained, free, radius);
@@ -142,14 +135,8 @@ impl Patch {
     /// neighbours beyond the coefficients.
     fn shrink(&mut self, explained: f64, free: f64, radius: f64) {
         let left = (self.residual.powi(2) - explained).max(0.0);
-        let noise = left.min((LARGEST_NOISE_IN_RADII * radius).powi(2));
         // The patch has three coefficients more than the plane.
-        let by_chance = 3.0 * noise / free;
-        let share = if explained > by_chance {
-            1.0 - by_chance / explained
-        } else {
-            0.0
-        };
+        let share = share_beyond(3.0 * noise_of(left, radius) / free, explained);
         let Heights { h, p, q, a, b, c } = &mut self.heights;
         for coefficient in [h, p, q, a, b, c] {
             *coefficient *= share;
@@ -157,4 +144,18 @@ impl Patch {
         let left_out = (1.0 - share).powi(2) * explained.max(0.0);
         self.residual = (left + left_out).sqrt();
     }
+}
+
+/// The share of the mean squared height that coefficients have `explained` beyond what noise explains `by_chance` (CRS units squared).
+pub(super) fn share_beyond(by_chance: f64, explained: f64) -> f64 {
+    if explained > by_chance {
+        1.0 - by_chance / explained
+    } else {
+        0.0
+    }
+}
+
+/// The part of the mean squared height that is `left` unexplained within `radius` which can be noise (CRS units squared).
+pub(super) fn noise_of(left: f64, radius: f64) -> f64 {
+    left.min((LARGEST_NOISE_IN_RADII * radius).powi(2))
 }

@@ -182,11 +182,10 @@ impl<'a> Course<'a> {
         self.iterate_until(self.round.iterations.end, monitor)
     }
 
-    /// Moves the sites near edges to the facets that meet there, if the options want that. All iterations are done.
+    /// Moves the sites to where they end: on patches that more of the scan is behind, and near edges on the facets that meet there, if the
+    /// options want that. All iterations are done.
     pub(super) fn settle(&mut self) {
-        if self.options.edge_capture.is_some() {
-            self.sites.settle(&self.cone, self.next);
-        }
+        self.sites.settle(&self.cone, self.next);
     }
 
     /// The sites of the core that may leave, and the places there where sites may come.

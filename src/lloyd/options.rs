@@ -8,7 +8,7 @@ use super::{
     seeds::{DominantNormals, SeedRule},
     step::Restriction,
 };
-use crate::geometry::{FACET_RADIUS_IN_FIT_RADII, PatchKind};
+use crate::geometry::{PatchKind, WIDE_RADIUS_IN_FIT_RADII};
 
 /// The options of one solve. Lengths are CRS units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -152,7 +152,7 @@ impl SolverOptions {
     /// elects the same seeds, if isolated ones stay.
     fn election_margin(&self) -> f64 {
         let seen = match self.has_rows_on_edges() {
-            true => FACET_RADIUS_IN_FIT_RADII * self.fit_radius,
+            true => WIDE_RADIUS_IN_FIT_RADII * self.fit_radius,
             false => self.fit_radius,
         };
         let elected = SEED_MARGIN_IN_SPACINGS * self.spacing + seen;

@@ -191,7 +191,7 @@ impl<'a> Sites<'a> {
         self.neighborhoods.move_to(next, surface.field());
     }
 
-    /// Moves the sites that still matter after `iterations`, which are all, to the facets around them.
+    /// Moves the sites that still matter after `iterations`, which are all, to where they end.
     pub(super) fn settle(&mut self, cone: &DependencyCone<'_>, iterations: u32) {
         let (surface, identities) = (self.surface, &self.identities);
         let was_exact = self.are_exact();

@@ -244,18 +244,22 @@ impl Step {
         true
     }
 
-    /// Where the site ends when all iterations are done: on the facets around it, if the scan has some there that leave it
-    /// clear of its neighbours.
+    /// Where the site ends when all iterations are done: on the corrected patch, or on the facets around it, if they are wanted and the
+    /// scan has some there that leave it clear of its neighbours.
     pub(crate) fn settle(
         &mut self,
         iteration: Iteration<'_>,
         vicinity: &mut Vicinity<'_>,
     ) -> Local {
-        let (surface, position, spacing) = (iteration.surface, vicinity.position, vicinity.spacing);
+        let (surface, spacing) = (iteration.surface, vicinity.spacing);
         let Some(fit) = self.fit.as_deref_mut() else {
-            return position;
+            return vicinity.position;
         };
         let samples = &mut vicinity.scratch.samples;
+        let position = fit.correct(vicinity.position, surface, samples);
+        if surface.options.edge_capture.is_none() {
+            return position;
+        }
         let Some(foot) = fit.foot_point_on_facets(position, surface, samples) else {
             return position;
         };

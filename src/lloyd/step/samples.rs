@@ -1,7 +1,7 @@
 //! The samples of the scan around a block of sites.
 
 use crate::{
-    geometry::{FACET_RADIUS_IN_FIT_RADII, FacetSample, Local},
+    geometry::{FacetSample, Local, WIDE_RADIUS_IN_FIT_RADII},
     lloyd::surface::Surface,
 };
 
@@ -47,13 +47,34 @@ impl Samples {
         (&self.in_ball, &self.weights, points)
     }
 
+    /// The samples in the wide neighbourhood of `position`, wherever the box is, and the number of points that each is the mean of. The
+    /// result of an earlier [`in_ball`](Self::in_ball) is lost.
+    pub(super) fn in_wide_ball(
+        &mut self,
+        position: Local,
+        surface: Surface<'_>,
+    ) -> (&[Local], &[f64]) {
+        let radius = WIDE_RADIUS_IN_FIT_RADII * surface.options.fit_radius;
+        let scan = surface.scan;
+        self.in_ball.clear();
+        self.weights.clear();
+        scan.samples()
+            .visit_around(position, radius, |index, sample| {
+                if (sample - position).norm_squared() < radius * radius {
+                    self.in_ball.push(sample);
+                    self.weights.push(scan.points_of_sample(index));
+                }
+            });
+        (&self.in_ball, &self.weights)
+    }
+
     /// The samples among which the facets near `position` are sought, wherever the box is.
     pub(super) fn of_facets(
         &mut self,
         position: Local,
         surface: Surface<'_>,
     ) -> &mut [FacetSample] {
-        let radius = FACET_RADIUS_IN_FIT_RADII * surface.options.fit_radius;
+        let radius = WIDE_RADIUS_IN_FIT_RADII * surface.options.fit_radius;
         let (scan, found) = (surface.scan, &mut self.of_facets);
         found.clear();
         scan.samples()
