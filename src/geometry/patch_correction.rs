@@ -19,8 +19,6 @@ use super::{
 /// 0.57 mm without correction; those of a street 1.48 mm with all three, instead of 1.81 mm.
 pub(crate) const WIDE_RADIUS_IN_FIT_RADII: f64 = 2.4;
 
-/// A wide patch with a larger residual than the near one, by this factor, misses detail.
-const LARGEST_RESIDUAL_OF_WIDE: f64 = 1.5;
 /// Fewer samples, as many as weigh the same, determine no quadratic.
 const MIN_SUPPORT: f64 = 9.0;
 
@@ -31,13 +29,14 @@ impl Patch {
     /// The correction, what the near heights have beside the wide ones, is shrunk by the share that noise would seem to explain, after
     /// James and Stein: a whole correction follows the noise of few samples, none at all rounds detail.
     ///
-    /// `None` if the samples are too few, or the wide patch misses detail that this one has.
+    /// `None` if the samples are too few, or the wide patch misses detail: if it leaves a residual of more than `most` (CRS units).
     pub(crate) fn corrected(
         &self,
         seed: Local,
         samples: &[Local],
         weights: &[f64],
         radius: f64,
+        most: f64,
     ) -> Option<Self> {
         let wide_radius = WIDE_RADIUS_IN_FIT_RADII * radius;
         let equations = |samples: &[Local], weights: &[f64], radius: f64| {
@@ -47,7 +46,7 @@ impl Patch {
         };
         let (wide, residual) =
             wide_heights(&equations(samples, weights, wide_radius), wide_radius)?;
-        if residual > LARGEST_RESIDUAL_OF_WIDE * self.residual {
+        if residual > most {
             return None;
         }
         let near = samples.iter().zip(weights);
@@ -128,7 +127,8 @@ mod tests {
         let origin = Local::zeros();
         let patch =
             Patch::fit_weighted(origin, samples, weights, RADIUS, PatchKind::Quadratic).unwrap();
-        let corrected = patch.corrected(origin, samples, weights, RADIUS);
+        let most = 1.5 * patch.residual;
+        let corrected = patch.corrected(origin, samples, weights, RADIUS, most);
         (patch, corrected)
     }
 

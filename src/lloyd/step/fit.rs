@@ -37,6 +37,8 @@ const NOISE_IN_SPACINGS: f64 = 0.01;
 
 /// A patch with a larger residual is near an edge.
 const SHARP_IN_SPACINGS: f64 = 0.02;
+/// A wide patch with a larger residual than the patch in use, by this factor, misses detail.
+const LARGEST_RESIDUAL_OF_WIDE: f64 = 1.5;
 /// Longest way to a corrected patch. What is farther off is not noise, and no site comes nearer to another by more than this.
 const LONGEST_WAY_TO_CORRECTION_IN_SPACINGS: f64 = 0.1;
 /// Facets are sought around a patch with a larger residual. With [`SHARP_IN_SPACINGS`] the search was done 1.14 times as often,
@@ -177,8 +179,8 @@ impl Fit {
         foot
     }
 
-    /// The patch in use, corrected by the wide neighbourhood of `position`; `None` where there is no clean surface, or one with detail
-    /// that a wide patch misses.
+    /// The patch in use, corrected by the wide neighbourhood of `position`; `None` where that has detail that a wide patch misses. Where
+    /// the patch is doubtful, the wide one may leave no more unexplained than it does: noise is the same everywhere, leaves and edges are not.
     fn corrected_patch(
         &self,
         position: Local,
@@ -186,12 +188,17 @@ impl Fit {
         samples: &mut Samples,
     ) -> Option<Patch> {
         let options = surface.options;
-        if self.trust < 1.0 || options.patch != PatchKind::Quadratic {
+        if options.patch != PatchKind::Quadratic {
             return None;
         }
+        let factor = match self.trust < 1.0 {
+            true => 1.0,
+            false => LARGEST_RESIDUAL_OF_WIDE,
+        };
+        let most = factor * self.patch.residual;
         let (samples, weights) = samples.in_wide_ball(position, surface);
         self.patch
-            .corrected(position, samples, weights, options.fit_radius)
+            .corrected(position, samples, weights, options.fit_radius, most)
     }
 
     /// Seeks the facets anew around `position`, and gives its foot point on them; `None` if there are none.
