@@ -46,7 +46,7 @@ impl Patch {
         let near = Lanes::new(seed, neighbors, weights, radius);
 
         // The best fitting plane: weighted mean and covariance.
-        let mut sums = [[0.0; LANES]; 12];
+        let mut sums = [[0.0; LANES]; 11];
         for [x, y, z, own] in near.clone() {
             for k in 0..LANES {
                 let (x, y, z) = (x[k], y[k], z[k]);
@@ -55,7 +55,6 @@ impl Patch {
                 let is_near = f64::from(u8::from(w > 0.0));
                 let terms = [
                     w,
-                    w * w,
                     is_near,
                     wx,
                     wy,
@@ -72,20 +71,7 @@ impl Patch {
                 }
             }
         }
-        let [
-            total,
-            total_squares,
-            support,
-            x,
-            y,
-            z,
-            xx,
-            xy,
-            xz,
-            yy,
-            yz,
-            zz,
-        ] = sums.map(added);
+        let [total, support, x, y, z, xx, xy, xz, yy, yz, zz] = sums.map(added);
         let support = support as u32;
         if support < MIN_SUPPORT {
             return None;
@@ -110,21 +96,20 @@ impl Patch {
             support,
         };
         if kind == PatchKind::Quadratic && support >= MIN_QUADRATIC_SUPPORT {
-            let free = total * total / total_squares - 6.0;
-            patch.fit_heights(near, foot, total, free.max(1.0), radius);
+            patch.fit_heights(near, foot, radius);
         }
         Some(patch)
     }
 
     /// Fits the six coefficients by least squares; keeps the plane where the neighbours do not
-    /// determine them. `foot` is the height of the plane over the seed, `total` the weight of
-    /// the neighbours, `free` their effective number beyond the coefficients.
-    fn fit_heights(&mut self, near: Lanes<'_>, foot: f64, total: f64, free: f64, radius: f64) {
+    /// determine them. `foot` is the height of the plane over the seed.
+    fn fit_heights(&mut self, near: Lanes<'_>, foot: f64, radius: f64) {
         let equations = HeightEquations::new(near, self.axes, foot);
         if let Some((solved, products)) = equations.solve() {
             self.heights = Heights::from_units_of(radius, solved);
             // The share of the mean squared height over the plane that the coefficients explain.
-            let explained = products / total * radius * radius;
+            let explained = products / equations.total() * radius * radius;
+            let free = (equations.effective_number() - 6.0).max(1.0);
             self.shrink(explained, free, radius);
         }
     }

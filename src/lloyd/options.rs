@@ -128,6 +128,11 @@ impl SolverOptions {
         1.25 * self.spacing
     }
 
+    /// Radius (CRS units) of the wide neighbourhood of a site, in which facets are sought and patches are corrected.
+    pub(super) fn wide_radius(&self) -> f64 {
+        WIDE_RADIUS_IN_FIT_RADII * self.fit_radius
+    }
+
     /// Whether facets are sought in this `iteration` where patches round an edge. Sites that are to end on the edge need
     /// time to become even along it; others are moved to the facets when all iterations are done.
     pub(super) fn seeks_facets(&self, iteration: u32) -> bool {
@@ -152,7 +157,7 @@ impl SolverOptions {
     /// elects the same seeds, if isolated ones stay.
     fn election_margin(&self) -> f64 {
         let seen = match self.has_rows_on_edges() {
-            true => WIDE_RADIUS_IN_FIT_RADII * self.fit_radius,
+            true => self.wide_radius(),
             false => self.fit_radius,
         };
         let elected = SEED_MARGIN_IN_SPACINGS * self.spacing + seen;

@@ -17,7 +17,6 @@
 use std::ops::Range;
 
 use super::options::SolverOptions;
-use crate::geometry::WIDE_RADIUS_IN_FIT_RADII;
 
 /// Iterations that all tiles do before any tile does the next.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,7 +79,7 @@ impl SolverOptions {
     /// Depth (CRS units) inside the rectangle of available points from which on every tile knows
     /// the same states and samples.
     fn state_margin(&self) -> f64 {
-        let seen = WIDE_RADIUS_IN_FIT_RADII * self.fit_radius;
+        let seen = self.wide_radius();
         let known = STATE_MARGIN_IN_SPACINGS * self.spacing + seen + 2.0 * self.smooth;
         known + self.reach_of_grading()
     }

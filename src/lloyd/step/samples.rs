@@ -1,7 +1,7 @@
 //! The samples of the scan around a block of sites.
 
 use crate::{
-    geometry::{FacetSample, Local, WIDE_RADIUS_IN_FIT_RADII},
+    geometry::{FacetSample, Local},
     lloyd::surface::Surface,
 };
 
@@ -54,17 +54,13 @@ impl Samples {
         position: Local,
         surface: Surface<'_>,
     ) -> (&[Local], &[f64]) {
-        let radius = WIDE_RADIUS_IN_FIT_RADII * surface.options.fit_radius;
         let scan = surface.scan;
         self.in_ball.clear();
         self.weights.clear();
-        scan.samples()
-            .visit_around(position, radius, |index, sample| {
-                if (sample - position).norm_squared() < radius * radius {
-                    self.in_ball.push(sample);
-                    self.weights.push(scan.points_of_sample(index));
-                }
-            });
+        visit_wide_ball(position, surface, |index, sample| {
+            self.in_ball.push(sample);
+            self.weights.push(scan.points_of_sample(index));
+        });
         (&self.in_ball, &self.weights)
     }
 
@@ -74,16 +70,13 @@ impl Samples {
         position: Local,
         surface: Surface<'_>,
     ) -> &mut [FacetSample] {
-        let radius = WIDE_RADIUS_IN_FIT_RADII * surface.options.fit_radius;
+        let radius = surface.options.wide_radius();
         let (scan, found) = (surface.scan, &mut self.of_facets);
         found.clear();
-        scan.samples()
-            .visit_around(position, radius, |index, sample| {
-                if (sample - position).norm_squared() < radius * radius {
-                    let weight = f64::from(scan.weight(index));
-                    found.push(FacetSample::new(sample, position, weight, radius));
-                }
-            });
+        visit_wide_ball(position, surface, |index, sample| {
+            let weight = f64::from(scan.weight(index));
+            found.push(FacetSample::new(sample, position, weight, radius));
+        });
         found
     }
 
@@ -95,4 +88,15 @@ impl Samples {
         samples.gather(position, radius, &mut self.in_ball);
         &self.in_ball
     }
+}
+
+/// Calls `visit` with the index and the place of every sample in the wide neighbourhood of `position`.
+fn visit_wide_ball(position: Local, surface: Surface<'_>, mut visit: impl FnMut(u32, Local)) {
+    let radius = surface.options.wide_radius();
+    let samples = surface.scan.samples();
+    samples.visit_around(position, radius, |index, sample| {
+        if (sample - position).norm_squared() < radius * radius {
+            visit(index, sample);
+        }
+    });
 }
