@@ -39,6 +39,8 @@ pub(crate) struct MeshFigures {
     /// The number of triangles that were cut out, because those around a loop cannot all be turned the same way, as on a
     /// strip of Möbius.
     pub(crate) cut: u64,
+    /// The number of triangles that were left out because they follow no surface.
+    pub(crate) clutter: u64,
     /// The number of triangles whose smallest angle lies within each half degree.
     angles: Vec<u64>,
 }
@@ -54,6 +56,7 @@ impl Default for MeshFigures {
             border_edges: 0,
             components: 0,
             cut: 0,
+            clutter: 0,
             angles: vec![0; CLASSES],
         }
     }
@@ -82,6 +85,7 @@ impl MeshFigures {
         self.border_edges += other.border_edges;
         self.components += other.components;
         self.cut += other.cut;
+        self.clutter += other.clutter;
         for (count, other) in self.angles.iter_mut().zip(&other.angles) {
             *count += other;
         }

@@ -22,7 +22,7 @@ use crate::geometry::Local;
 /// The most edges around a hole that is closed.
 const MOST_EDGES: usize = 14;
 /// The largest distance between two corners of a hole that is closed, in spacings.
-const WIDEST: f64 = 4.5;
+pub(super) const WIDEST: f64 = 4.5;
 /// How far away triangles can be that decide on the closing of a hole, in spacings.
 pub(super) const REACH: f64 = WIDEST + 2.0 * LARGEST_CIRCUMRADIUS;
 

@@ -1,7 +1,7 @@
 //! Triangles between even points: a mesh of the surfaces that the points lie on.
 //!
 //! ```text
-//!   points, normals ─► stars ─► agreement ─► holes ─► fringe ─► holes ─► crumbs ─► diagonals ─► sides ─► oriented triangles
+//!   points, normals ─► stars ─► agreement ─► holes ─► fringe ─► holes ─► clutter ─► diagonals ─► sides ─► oriented triangles
 //! ```
 //!
 //! The **star** of a point are the triangles that its Voronoi cell on the surface names: one for each corner
@@ -9,17 +9,17 @@
 //! name the same triangle, and together they are the restricted Delaunay triangulation. Where they differ,
 //! **agreement** chooses, so that no two triangles overlap and no edge has more than two. **Holes** that
 //! are narrower than a few spacings are closed; wider ones are borders. From their **fringe** slivers and loose ears are
-//! taken away, and the holes closed that these kept open. **Crumbs** in leaves and clutter go as a whole. Where the points were brought onto sharp edges, **diagonals** that cut across one are turned. **Sides** turns
+//! taken away, and the holes closed that these kept open. **Clutter**, triangles that follow no surface, goes. Where the points were brought onto sharp edges, **diagonals** that cut across one are turned. **Sides** turns
 //! the triangles of a component the same way around.
 //!
 //! Every decision is made from what lies within [`MeshRules::reach_in_spacings`] of it, in an order that the positions
 //! give. So the mesh of a part of a cloud is that of the whole cloud, away from the borders of the part.
-//! Points without a normal, as those on wires and leaves, have no triangles unless they are asked for, and then crumbs stay.
+//! Points without a normal, as those on wires and leaves, have no triangles unless they are asked for, and then clutter stays.
 
 mod agreement;
 mod by_corner;
+mod clutter;
 mod component;
-mod crumbs;
 mod diagonals;
 mod edges;
 mod estimated_normals;
@@ -50,7 +50,7 @@ use crate::geometry::{Local, Quantization};
 /// A triangle by the indices of its corners.
 pub(crate) type Corners = [u32; 3];
 
-/// Whatever is decided before crumbs go and diagonals are turned depends on nothing farther away than this, in spacings.
+/// Whatever is decided before clutter goes and diagonals are turned depends on nothing farther away than this, in spacings.
 const REACH_IN_SPACINGS: f64 = estimated_normals::REACH
     + stars::REACH
     + agreement::REACH
@@ -81,15 +81,15 @@ pub(crate) struct MeshRules {
 impl MeshRules {
     /// Whatever is decided depends on nothing farther away than this, in spacings.
     pub(crate) fn reach_in_spacings(self) -> f64 {
-        let of_crumbs = match self.points {
-            MeshedPoints::Surfaces => crumbs::REACH,
+        let of_clutter = match self.points {
+            MeshedPoints::Surfaces => clutter::REACH,
             MeshedPoints::All => 0.0,
         };
         let of_diagonals = match self.keeps_edges {
             true => diagonals::REACH,
             false => 0.0,
         };
-        REACH_IN_SPACINGS + of_crumbs + of_diagonals
+        REACH_IN_SPACINGS + of_clutter + of_diagonals
     }
 }
 

@@ -8,9 +8,9 @@
 use rayon::prelude::*;
 
 use super::{
-    Corners, MeshRules, MeshedPoints,
+    Corners, MeshRules, MeshedPoints, clutter,
     component::Component,
-    crumbs, diagonals,
+    diagonals,
     edges::EdgeTriangles,
     estimated_normals,
     figures::{AngleClass, MeshFigures},
@@ -129,9 +129,10 @@ impl MeshedPart {
         };
         let loose = points.iter().zip(&normals).filter(is_loose).count() as u64;
         let mut triangles = triangulate(&positions, &normals, spacing);
-        if rules.points == MeshedPoints::Surfaces {
-            crumbs::sweep(&positions, spacing, &mut triangles);
-        }
+        let clutter = match rules.points {
+            MeshedPoints::Surfaces => clutter::take(&positions, &normals, &mut triangles),
+            MeshedPoints::All => Vec::new(),
+        };
         if rules.keeps_edges {
             // Normals that were estimated are no planes of the scan.
             let scanned: Vec<Option<Local>> = points.iter().map(|point| point.normal).collect();
@@ -143,6 +144,8 @@ impl MeshedPart {
             *count = count.saturating_add(1);
         }
         let mut part = Turned::new(number, &points, &positions, triangles).part(&around);
+        let is_at_home = |corners: &&Corners| points[corners[0] as usize].home == number;
+        part.figures.clutter = clutter.iter().filter(is_at_home).count() as u64;
         part.figures.loose = loose;
         part.figures.corners = part.corners.len() as u64;
         part.figures.unused = own - loose - part.figures.corners;

@@ -43,6 +43,8 @@ pub(super) struct MeshReport {
     euler_characteristic: i64,
     /// The number of triangles that were cut out, because those around a loop have no common front.
     cut: u64,
+    /// The number of triangles that were left out because they follow no surface.
+    clutter: u64,
     /// The median of the smallest angles of all triangles.
     smallest_angle_median: f64,
     /// The 1st percentile of the smallest angles.
@@ -77,6 +79,7 @@ impl MeshReport {
             components: figures.components,
             euler_characteristic: figures.euler_characteristic(),
             cut: figures.cut,
+            clutter: figures.clutter,
             smallest_angle_median: figures.angle(0.5),
             smallest_angle_p1: figures.angle(0.01),
             smallest_angle_min: figures.angle(0.0),
@@ -99,8 +102,12 @@ impl MeshReport {
             0 => String::new(),
             triangles => format!(", {} triangles cut out", thousands(triangles)),
         };
+        let clutter = match self.clutter {
+            0 => String::new(),
+            triangles => format!(", {} in clutter left out", thousands(triangles)),
+        };
         format!(
-            "{} triangles{angles}; {} border edges, {} components{cut}: {}",
+            "{} triangles{angles}; {} border edges, {} components{cut}{clutter}: {}",
             thousands(self.triangles),
             thousands(self.border_edges),
             thousands(self.components),
@@ -154,7 +161,7 @@ impl MeshReport {
             (
                 "points unused",
                 thousands(self.points_unused),
-                "They have a normal and no triangle: their neighbours are too far away, or belong to another surface.",
+                "They have a normal and no triangle: their neighbours are too far away, or belong to another surface, or they are in clutter.",
             ),
             (
                 "points without surface",
@@ -189,6 +196,13 @@ impl MeshReport {
                 "triangles cut out",
                 thousands(self.cut),
                 "Triangles around a loop had no common front there, as on a strip of Möbius; the least flat edges were cut.",
+            ));
+        }
+        if self.clutter > 0 {
+            rows.push((
+                "triangles in clutter",
+                thousands(self.clutter),
+                "Left out: they lead from one leaf or twig to another and follow no surface. --mesh-of all keeps them.",
             ));
         }
         rows
@@ -276,14 +290,20 @@ mod tests {
     }
 
     #[test]
-    fn triangles_that_were_cut_out_are_named_where_there_are_any() {
+    fn triangles_that_are_left_out_are_named_where_there_are_any() {
         let mut figures = figures();
         let without = MeshReport::new(&figures, &[], "a.ply");
-        assert!(!without.section().contains("cut out") && !without.summary().contains("cut out"));
-        figures.cut = 2;
+        for out in ["cut out", "clutter</"] {
+            assert!(!without.section().contains(out) && !without.summary().contains(out));
+        }
+        (figures.cut, figures.clutter) = (2, 34);
         let with = MeshReport::new(&figures, &[], "a.ply");
-        assert!(with.section().contains("cut out"));
-        assert!(with.summary().contains(", 2 triangles cut out: a.ply"));
+        assert!(with.section().contains("cut out") && with.section().contains("clutter</"));
+        let summary = with.summary();
+        assert!(
+            summary.contains(", 2 triangles cut out, 34 in clutter left out: a.ply"),
+            "{summary}"
+        );
     }
 
     #[test]

@@ -1,0 +1,220 @@
+//! Clutter: triangles in leaves and the like, which follow no surface.
+//!
+//! ```text
+//!    \ |/      _\ /        Points in leaves have patches that are trusted a little, each of one leaf. What is between three of
+//!   --\_\__|__/_/\--       them lies along none, and leads from one to the other by chance.
+//!     / |\ | /|  |
+//! ```
+//!
+//! A triangle **follows** the surface if it lies along that of a corner, or if the surface bulges evenly over it: on a
+//! sphere and around a pole an edge is a chord, and has the same angle to the surfaces of both its ends. A triangle that cuts an edge
+//! of the surface does neither, but triangles that do are beside it. In leaves a few do by chance.
+//!
+//! So triangles that follow the surface and hang together by their edges are a surface if they are some, and so are those within two
+//! edges of them. The rest is clutter, but for a few together that touch nothing else: they can be a sign.
+
+use rayon::prelude::*;
+
+use super::{
+    Corners,
+    edges::EdgeTable,
+    holes,
+    joined::Joined,
+    triangle::{doubled_area, places},
+};
+use crate::geometry::Local;
+
+/// The cosine of the largest angle between a triangle and a surface that it lies along: 15°.
+const COSINE_OF_ALONG: f64 = 0.966;
+/// The largest difference between the sines of the angles that an edge has to the surfaces of its ends, where these bulge evenly. Of
+/// the triangles of trees nearly as many go with 0.25, and of thin poles a third more.
+const LARGEST_DIFFERENCE_OF_SINES: f64 = 0.35;
+/// As many triangles that follow the surface together are one. With 16 poles go that are as thick as a spacing is long.
+const LEAST_OF_A_SURFACE: u32 = 8;
+/// As many stay where they touch nothing else.
+const LEAST_ALONE: u32 = 4;
+/// Triangles within as many edges of a surface stay. With one of them corners of boxes lose theirs.
+const EDGES_AWAY: u32 = 2;
+/// How far away corners can be that decide on a triangle, in spacings. From triangle to triangle, as many as these, a way leads along
+/// half as many edges and one, and no edge is longer than those that close a hole.
+pub(super) const REACH: f64 = ((LEAST_OF_A_SURFACE + EDGES_AWAY) / 2 + 1) as f64 * holes::WIDEST;
+
+/// Takes the clutter out of `triangles`, and returns it; there is a normal for each of `positions` that is a corner.
+pub(super) fn take(
+    positions: &[Local],
+    normals: &[Option<Local>],
+    triangles: &mut Vec<Corners>,
+) -> Vec<Corners> {
+    let follows: Vec<bool> = triangles
+        .par_iter()
+        .map(|&corners| {
+            let normals = corners.map(|corner| normals[corner as usize].unwrap_or_default());
+            follows_surface(places(positions, corners), normals)
+        })
+        .collect();
+    let edges = EdgeTable::new(triangles);
+    let beside = || edges.all().filter_map(|(_, triangles)| triangles.both());
+    let mut joined = Joined::new(triangles.len());
+    for [(one, _), (other, _)] in beside() {
+        if follows[one as usize] && follows[other as usize] {
+            joined.join(one, other, false);
+        }
+    }
+    let pieces: Vec<u32> = (0..joined.len()).map(|it| joined.root(it).0).collect();
+    let mut counts = vec![0_u32; triangles.len()];
+    for &piece in &pieces {
+        counts[piece as usize] += 1;
+    }
+    let mut stays: Vec<bool> = pieces
+        .iter()
+        .map(|&piece| counts[piece as usize] >= LEAST_OF_A_SURFACE)
+        .collect();
+    for _ in 0..EDGES_AWAY {
+        let before = stays.clone();
+        for [(one, _), (other, _)] in beside() {
+            stays[one as usize] |= before[other as usize];
+            stays[other as usize] |= before[one as usize];
+        }
+    }
+    let is_alone = are_alone(positions.len(), triangles, &pieces);
+    let (mut kept, mut clutter) = (Vec::with_capacity(triangles.len()), Vec::new());
+    for (triangle, &corners) in triangles.iter().enumerate() {
+        let piece = pieces[triangle] as usize;
+        let is_sign = is_alone[piece] && counts[piece] >= LEAST_ALONE;
+        match stays[triangle] || is_sign {
+            true => kept.push(corners),
+            false => clutter.push(corners),
+        }
+    }
+    *triangles = kept;
+    clutter
+}
+
+/// Whether a triangle follows the surface, whose normals at its corners are given.
+fn follows_surface(places: [Local; 3], normals: [Local; 3]) -> bool {
+    let across = doubled_area(places);
+    let normals = normals.map(|normal| match normal.dot(&across) < 0.0 {
+        true => -normal,
+        false => normal,
+    });
+    let along = COSINE_OF_ALONG * across.norm();
+    let bulges_evenly = || {
+        [(0, 1), (1, 2), (2, 0)].into_iter().all(|(one, other)| {
+            let chord: Local = places[other] - places[one];
+            let difference = (normals[one] + normals[other]).dot(&chord);
+            difference.abs() <= LARGEST_DIFFERENCE_OF_SINES * chord.norm()
+        })
+    };
+    normals.iter().any(|normal| normal.dot(&across) > along) || bulges_evenly()
+}
+
+/// For each triangle that stands for its piece whether the piece touches no other one, of so many corners; the `pieces` of all `triangles` are given.
+fn are_alone(corners: usize, triangles: &[Corners], pieces: &[u32]) -> Vec<bool> {
+    let mut first_at = vec![None; corners];
+    let mut is_alone = vec![true; triangles.len()];
+    for (&piece, triangle) in pieces.iter().zip(triangles) {
+        for &corner in triangle {
+            let first = *first_at[corner as usize].get_or_insert(piece);
+            if first != piece {
+                is_alone[first as usize] = false;
+                is_alone[piece as usize] = false;
+            }
+        }
+    }
+    is_alone
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points with normals, and triangles between them.
+    #[derive(Default)]
+    struct Mesh {
+        positions: Vec<Local>,
+        normals: Vec<Option<Local>>,
+        triangles: Vec<Corners>,
+    }
+
+    impl Mesh {
+        /// Adds a band of `steps` steps with two triangles each between two rows; `at` gives position and normal of the point of a
+        /// row (0 or 1) after so many steps.
+        fn band(mut self, steps: u32, at: impl Fn(u32, u32) -> (Local, Local)) -> Self {
+            let first = self.positions.len() as u32;
+            for (step, row) in (0..=steps).flat_map(|step| [(step, 0), (step, 1)]) {
+                let (position, normal) = at(row, step);
+                self.positions.push(position);
+                self.normals.push(Some(normal));
+            }
+            for corner in (first..first + 2 * steps).step_by(2) {
+                let [a, b, c, d] = [0, 1, 2, 3].map(|k| corner + k);
+                self.triangles.extend([[a, b, c], [b, c, d]]);
+            }
+            self
+        }
+
+        /// How many triangles are left.
+        fn left(mut self) -> usize {
+            let all = self.triangles.len();
+            let clutter = take(&self.positions, &self.normals, &mut self.triangles);
+            assert_eq!(clutter.len() + self.triangles.len(), all);
+            self.triangles.len()
+        }
+    }
+
+    /// A point of a band on the ground at `y`, with a normal that is tilted by `tilts` radians along the band, as the number of the point says.
+    fn on_ground<const N: usize>(y: f64, tilts: [f64; N]) -> impl Fn(u32, u32) -> (Local, Local) {
+        move |row, step| {
+            let tilt = tilts[(2 * step + row) as usize % N];
+            let position = Local::new(f64::from(step), y + f64::from(row), 0.0);
+            (position, Local::new(tilt.sin(), 0.0, tilt.cos()))
+        }
+    }
+
+    #[test]
+    fn a_surface_and_a_sign_stay_and_a_scrap_goes() {
+        let flat = |steps: u32| Mesh::default().band(steps, on_ground(0.0, [0.0])).left();
+        assert_eq!([flat(1), flat(2), flat(8)], [0, 4, 16]);
+        // The sign touches the corner of a triangle in leaves.
+        let mut touched = Mesh::default()
+            .band(2, on_ground(0.0, [0.0]))
+            .band(1, on_ground(1.0, [0.6, -0.9]));
+        touched.triangles.push([1, 6, 8]);
+        assert_eq!(touched.left(), 0);
+    }
+
+    #[test]
+    fn triangles_between_leaves_go_but_for_those_beside_a_surface() {
+        let tilts = [0.5, -0.9, 1.2, -0.4, 0.8, -1.3];
+        let mut leaves = Mesh::default().band(20, on_ground(0.0, tilts));
+        assert_eq!(leaves.triangles.len(), 40);
+        // The wall stands on the first edge of the band.
+        let wall = |row: u32, step: u32| {
+            let position = Local::new(0.0, f64::from(row), f64::from(step));
+            (position, Local::x())
+        };
+        let first = leaves.positions.len() as u32;
+        leaves = leaves.band(8, wall);
+        let is_at_bottom = |corner: u32| corner == first || corner == first + 1;
+        for corner in leaves.triangles.iter_mut().flatten() {
+            if is_at_bottom(*corner) {
+                *corner -= first;
+            }
+        }
+        assert_eq!(leaves.left(), 16 + 2);
+    }
+
+    #[test]
+    fn a_pole_stays_and_so_does_a_corner_of_a_box() {
+        // Four triangles around, between each of which the surface turns by a right angle.
+        let around = |row: u32, step: u32| {
+            let angle = std::f64::consts::FRAC_PI_2 * f64::from(step);
+            let normal = Local::new(angle.cos(), angle.sin(), 0.0);
+            (0.6 * normal + Local::z() * f64::from(row), normal)
+        };
+        assert_eq!(Mesh::default().band(4, around).left(), 8);
+        // Every second point has the normal of the other face.
+        let on_box = on_ground(0.0, [0.0, 0.0, 0.0, 0.0, 1.57, 1.57]);
+        assert_eq!(Mesh::default().band(30, on_box).left(), 60);
+    }
+}
