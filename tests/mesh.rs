@@ -420,7 +420,8 @@ fn wires_and_leaves_have_triangles_if_they_are_asked_for() {
         let words = ["--spacing", SPACING, "--mesh", text(&mesh)];
         succeed(&scans, &cloud, &[&words[..], more].concat());
         let report = report(&cloud);
-        ["points_without_surface", "triangles"].map(|name| report["mesh"][name].as_u64().unwrap())
+        ["points_without_surface", "triangles", "clutter"]
+            .map(|name| report["mesh"][name].as_u64().unwrap())
     };
     let surfaces = figures("surfaces", &[]);
     let all = figures("all", &["--mesh-of", "all"]);
@@ -429,6 +430,8 @@ fn wires_and_leaves_have_triangles_if_they_are_asked_for() {
         4 * all[0] < 3 * surfaces[0] && all[1] > surfaces[1],
         "{surfaces:?} {all:?}"
     );
+    // Some leaves have a surface each, and none in common.
+    assert!(surfaces[2] > 20 && all[2] == 0, "{surfaces:?} {all:?}");
 }
 
 #[test]
