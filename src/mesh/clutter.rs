@@ -10,8 +10,8 @@
 //! sphere and around a pole an edge is a chord, and has the same angle to the surfaces of both its ends. A triangle that cuts an edge
 //! of the surface does neither, but triangles that do are beside it. In leaves a few do by chance.
 //!
-//! So triangles that follow the surface and hang together by their edges are a surface if they are some, and so are those within two
-//! edges of them. The rest is clutter, but for a few together that touch nothing else: they can be a sign.
+//! Triangles that follow the surface and hang together by their edges are a **piece**. A piece of some triangles is a surface, and
+//! triangles within two edges of it stay. So does a smaller piece that touches nothing else: it can be a sign. The rest is clutter.
 
 use rayon::prelude::*;
 
@@ -29,14 +29,14 @@ const COSINE_OF_ALONG: f64 = 0.966;
 /// The largest difference between the sines of the angles that an edge has to the surfaces of its ends, where these bulge evenly. Of
 /// the triangles of trees nearly as many go with 0.25, and of thin poles a third more.
 const LARGEST_DIFFERENCE_OF_SINES: f64 = 0.35;
-/// As many triangles that follow the surface together are one. With 16 poles go that are as thick as a spacing is long.
+/// A piece of so many triangles is a surface. With 16 nearly twice as many triangles of poles go that are a spacing thick.
 const LEAST_OF_A_SURFACE: u32 = 8;
-/// As many stay where they touch nothing else.
+/// A piece of so many stays if it touches nothing else.
 const LEAST_ALONE: u32 = 4;
-/// Triangles within as many edges of a surface stay. With one of them corners of boxes lose theirs.
+/// Triangles within so many edges of a surface stay. With one, corners of boxes lose theirs.
 const EDGES_AWAY: u32 = 2;
-/// How far away corners can be that decide on a triangle, in spacings. From triangle to triangle, as many as these, a way leads along
-/// half as many edges and one, and no edge is longer than those that close a hole.
+/// How far away corners can be that decide on a triangle, in spacings: over so many triangles a way leads along half as many edges and
+/// one more, and no edge is longer than those that close a hole.
 pub(super) const REACH: f64 = ((LEAST_OF_A_SURFACE + EDGES_AWAY) / 2 + 1) as f64 * holes::WIDEST;
 
 /// Takes the clutter out of `triangles`, and returns it; there is a normal for each of `positions` that is a corner.
@@ -108,9 +108,10 @@ fn follows_surface(places: [Local; 3], normals: [Local; 3]) -> bool {
     normals.iter().any(|normal| normal.dot(&across) > along) || bulges_evenly()
 }
 
-/// For each triangle that stands for its piece whether the piece touches no other one, of so many corners; the `pieces` of all `triangles` are given.
-fn are_alone(corners: usize, triangles: &[Corners], pieces: &[u32]) -> Vec<bool> {
-    let mut first_at = vec![None; corners];
+/// For each triangle that stands for its piece whether the piece touches no other one; `pieces` are those of `triangles`, between so many
+/// points.
+fn are_alone(points: usize, triangles: &[Corners], pieces: &[u32]) -> Vec<bool> {
+    let mut first_at = vec![None; points];
     let mut is_alone = vec![true; triangles.len()];
     for (&piece, triangle) in pieces.iter().zip(triangles) {
         for &corner in triangle {
