@@ -430,7 +430,7 @@ fn wires_and_leaves_have_triangles_if_they_are_asked_for() {
         4 * all[0] < 3 * surfaces[0] && all[1] > surfaces[1],
         "{surfaces:?} {all:?}"
     );
-    // Some leaves have a surface each, and none in common.
+    // Points in leaves can have a normal each; the triangles between them are clutter.
     assert!(surfaces[2] > 20 && all[2] == 0, "{surfaces:?} {all:?}");
 }
 

@@ -1,4 +1,4 @@
-//! Clutter: triangles in leaves and the like, which follow no surface.
+//! Clutter: triangles that belong to no surface, most of them between leaves.
 //!
 //! ```text
 //!    \ |/      _\ /        Points in leaves have patches that are trusted a little, each of one leaf. What is between three of
@@ -6,12 +6,13 @@
 //!     / |\ | /|  |
 //! ```
 //!
-//! A triangle **follows** the surface if it lies along that of a corner, or if the surface bulges evenly over it: on a
-//! sphere and around a pole an edge is a chord, and has the same angle to the surfaces of both its ends. A triangle that cuts an edge
-//! of the surface does neither, but triangles that do are beside it. In leaves a few do by chance.
+//! A triangle **follows** the surface if it lies along that of one of its corners, or if the surface bulges evenly over it: on a
+//! sphere or around a pole an edge is a chord, at the same angle to the surface at both ends. A triangle that cuts a sharp edge
+//! does not follow the surface, but its neighbours do. In leaves a few triangles follow it by chance.
 //!
-//! Triangles that follow the surface and hang together by their edges are a **piece**. A piece of some triangles is a surface, and
-//! triangles within two edges of it stay. So does a smaller piece that touches nothing else: it can be a sign. The rest is clutter.
+//! A **region** are triangles that follow the surface and hang together by their edges. One of eight or more is a surface; it stays,
+//! with all triangles within two edges of it. One of four to seven stays if no other triangle touches it: it can be a traffic
+//! sign. All other triangles are clutter.
 
 use rayon::prelude::*;
 
@@ -26,20 +27,22 @@ use crate::geometry::Local;
 
 /// The cosine of the largest angle between a triangle and a surface that it lies along: 15°.
 const COSINE_OF_ALONG: f64 = 0.966;
-/// The largest difference between the sines of the angles that an edge has to the surfaces of its ends, where these bulge evenly. Of
-/// the triangles of trees nearly as many go with 0.25, and of thin poles a third more.
+/// The largest difference between the sines of the angles that an edge has to the surfaces of its ends, where these bulge evenly.
+/// With 0.25 hardly more triangles of trees go, and a third more of thin poles.
 const LARGEST_DIFFERENCE_OF_SINES: f64 = 0.35;
-/// A piece of so many triangles is a surface. With 16 nearly twice as many triangles of poles go that are a spacing thick.
+/// A region of so many triangles is a surface. With 16 nearly twice as many triangles of poles go that are a spacing thick.
 const LEAST_OF_A_SURFACE: u32 = 8;
-/// A piece of so many stays if it touches nothing else.
+/// A region of so many stays if nothing touches it.
 const LEAST_ALONE: u32 = 4;
 /// Triangles within so many edges of a surface stay. With one, corners of boxes lose theirs.
 const EDGES_AWAY: u32 = 2;
-/// How far away corners can be that decide on a triangle, in spacings: over so many triangles a way leads along half as many edges and
-/// one more, and no edge is longer than those that close a hole.
+/// How far away corners can be that decide on a triangle, in spacings. Ten triangles in a row decide: the triangle, one between, and
+/// eight of a surface. Every second one of them leads one edge farther. What touches a smaller region is nearer: five edges away.
+/// No edge is longer than the widest hole that is closed.
 pub(super) const REACH: f64 = ((LEAST_OF_A_SURFACE + EDGES_AWAY) / 2 + 1) as f64 * holes::WIDEST;
 
-/// Takes the clutter out of `triangles`, and returns it; there is a normal for each of `positions` that is a corner.
+/// Takes the clutter out of `triangles`, and returns it; the order of the others is kept. There is a normal for each of `positions`
+/// that is a corner.
 pub(super) fn take(
     positions: &[Local],
     normals: &[Option<Local>],
@@ -60,15 +63,18 @@ pub(super) fn take(
             joined.join(one, other, false);
         }
     }
-    let pieces: Vec<u32> = (0..joined.len()).map(|it| joined.root(it).0).collect();
+    let regions: Vec<u32> = (0..joined.len()).map(|it| joined.root(it).0).collect();
     let mut counts = vec![0_u32; triangles.len()];
-    for &piece in &pieces {
-        counts[piece as usize] += 1;
+    for &region in &regions {
+        counts[region as usize] += 1;
     }
-    let mut stays: Vec<bool> = pieces
-        .iter()
-        .map(|&piece| counts[piece as usize] >= LEAST_OF_A_SURFACE)
-        .collect();
+    let is_alone = are_alone(positions.len(), triangles, &regions);
+    let stays_itself = |&region: &u32| {
+        let (count, is_alone) = (counts[region as usize], is_alone[region as usize]);
+        count >= LEAST_OF_A_SURFACE || is_alone && count >= LEAST_ALONE
+    };
+    let mut stays: Vec<bool> = regions.iter().map(stays_itself).collect();
+    // Nothing is beside a region alone.
     for _ in 0..EDGES_AWAY {
         let before = stays.clone();
         for [(one, _), (other, _)] in beside() {
@@ -76,23 +82,17 @@ pub(super) fn take(
             stays[other as usize] |= before[one as usize];
         }
     }
-    let is_alone = are_alone(positions.len(), triangles, &pieces);
-    let (mut kept, mut clutter) = (Vec::with_capacity(triangles.len()), Vec::new());
-    for (triangle, &corners) in triangles.iter().enumerate() {
-        let piece = pieces[triangle] as usize;
-        let is_sign = is_alone[piece] && counts[piece] >= LEAST_ALONE;
-        match stays[triangle] || is_sign {
-            true => kept.push(corners),
-            false => clutter.push(corners),
-        }
-    }
+    let mut stays = stays.into_iter();
+    let (kept, clutter) = triangles
+        .drain(..)
+        .partition(|_| stays.next() == Some(true));
     *triangles = kept;
     clutter
 }
 
-/// Whether a triangle follows the surface, whose normals at its corners are given.
-fn follows_surface(places: [Local; 3], normals: [Local; 3]) -> bool {
-    let across = doubled_area(places);
+/// Whether the triangle between these `corners` follows the surface, whose normals there are given.
+fn follows_surface(corners: [Local; 3], normals: [Local; 3]) -> bool {
+    let across = doubled_area(corners);
     let normals = normals.map(|normal| match normal.dot(&across) < 0.0 {
         true => -normal,
         false => normal,
@@ -100,7 +100,7 @@ fn follows_surface(places: [Local; 3], normals: [Local; 3]) -> bool {
     let along = COSINE_OF_ALONG * across.norm();
     let bulges_evenly = || {
         [(0, 1), (1, 2), (2, 0)].into_iter().all(|(one, other)| {
-            let chord: Local = places[other] - places[one];
+            let chord: Local = corners[other] - corners[one];
             let difference = (normals[one] + normals[other]).dot(&chord);
             difference.abs() <= LARGEST_DIFFERENCE_OF_SINES * chord.norm()
         })
@@ -108,17 +108,17 @@ fn follows_surface(places: [Local; 3], normals: [Local; 3]) -> bool {
     normals.iter().any(|normal| normal.dot(&across) > along) || bulges_evenly()
 }
 
-/// For each triangle that stands for its piece whether the piece touches no other one; `pieces` are those of `triangles`, between so many
-/// points.
-fn are_alone(points: usize, triangles: &[Corners], pieces: &[u32]) -> Vec<bool> {
+/// For each triangle that stands for its region whether no triangle of another one touches it; `regions` are those of `triangles`, between so
+/// many points.
+fn are_alone(points: usize, triangles: &[Corners], regions: &[u32]) -> Vec<bool> {
     let mut first_at = vec![None; points];
     let mut is_alone = vec![true; triangles.len()];
-    for (&piece, triangle) in pieces.iter().zip(triangles) {
+    for (&region, triangle) in regions.iter().zip(triangles) {
         for &corner in triangle {
-            let first = *first_at[corner as usize].get_or_insert(piece);
-            if first != piece {
+            let first = *first_at[corner as usize].get_or_insert(region);
+            if first != region {
                 is_alone[first as usize] = false;
-                is_alone[piece as usize] = false;
+                is_alone[region as usize] = false;
             }
         }
     }
@@ -173,15 +173,19 @@ mod tests {
     }
 
     #[test]
-    fn a_surface_and_a_sign_stay_and_a_scrap_goes() {
+    fn a_surface_and_a_sign_stay_and_scraps_go() {
         let flat = |steps: u32| Mesh::default().band(steps, on_ground(0.0, [0.0])).left();
         assert_eq!([flat(1), flat(2), flat(8)], [0, 4, 16]);
-        // The sign touches the corner of a triangle in leaves.
-        let mut touched = Mesh::default()
-            .band(2, on_ground(0.0, [0.0]))
-            .band(1, on_ground(1.0, [0.6, -0.9]));
-        touched.triangles.push([1, 6, 8]);
-        assert_eq!(touched.left(), 0);
+        // A triangle at the border of leaves touches a corner of the band.
+        let touched = |steps: u32| {
+            let mut mesh = Mesh::default()
+                .band(steps, on_ground(0.0, [0.0]))
+                .band(1, on_ground(2.0, [0.6, -0.9]));
+            let leaf = 2 * steps + 2;
+            mesh.triangles.push([1, leaf, leaf + 2]);
+            mesh.left()
+        };
+        assert_eq!([touched(2), touched(3), touched(4)], [0, 0, 8]);
     }
 
     #[test]
@@ -206,16 +210,19 @@ mod tests {
     }
 
     #[test]
-    fn a_pole_stays_and_so_does_a_corner_of_a_box() {
-        // Four triangles around, between each of which the surface turns by a right angle.
+    fn a_pole_stays_around_which_the_surface_turns_by_right_angles() {
         let around = |row: u32, step: u32| {
             let angle = std::f64::consts::FRAC_PI_2 * f64::from(step);
             let normal = Local::new(angle.cos(), angle.sin(), 0.0);
             (0.6 * normal + Local::z() * f64::from(row), normal)
         };
         assert_eq!(Mesh::default().band(4, around).left(), 8);
-        // Every second point has the normal of the other face.
-        let on_box = on_ground(0.0, [0.0, 0.0, 0.0, 0.0, 1.57, 1.57]);
-        assert_eq!(Mesh::default().band(30, on_box).left(), 60);
+    }
+
+    #[test]
+    fn a_triangle_along_the_surface_of_one_corner_follows_it() {
+        // Every third pair of points has the normal of a wall.
+        let beside_walls = on_ground(0.0, [0.0, 0.0, 0.0, 0.0, 1.57, 1.57]);
+        assert_eq!(Mesh::default().band(30, beside_walls).left(), 60);
     }
 }

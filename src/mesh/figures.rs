@@ -39,7 +39,7 @@ pub(crate) struct MeshFigures {
     /// The number of triangles that were cut out, because those around a loop cannot all be turned the same way, as on a
     /// strip of Möbius.
     pub(crate) cut: u64,
-    /// The number of triangles that were left out because they follow no surface.
+    /// The number of triangles that were left out as clutter: they belong to no surface.
     pub(crate) clutter: u64,
     /// The number of triangles whose smallest angle lies within each half degree.
     angles: Vec<u64>,

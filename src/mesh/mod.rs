@@ -9,7 +9,7 @@
 //! name the same triangle, and together they are the restricted Delaunay triangulation. Where they differ,
 //! **agreement** chooses, so that no two triangles overlap and no edge has more than two. **Holes** that
 //! are narrower than a few spacings are closed; wider ones are borders. From their **fringe** slivers and loose ears are
-//! taken away, and the holes closed that these kept open. **Clutter**, triangles that follow no surface, goes. Where the points were brought onto sharp edges, **diagonals** that cut across one are turned. **Sides** turns
+//! taken away, and the holes closed that these kept open. **Clutter**, triangles that belong to no surface, is taken out. Where the points were brought onto sharp edges, **diagonals** that cut across one are turned. **Sides** turns
 //! the triangles of a component the same way around.
 //!
 //! Every decision is made from what lies within [`MeshRules::reach_in_spacings`] of it, in an order that the positions
@@ -62,10 +62,10 @@ const REACH_IN_SPACINGS: f64 = estimated_normals::REACH
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum MeshedPoints {
-    /// Those where the scan describes a surface: they have a normal.
+    /// Those where the scan describes a surface, which have a normal; clutter is taken out.
     #[default]
     Surfaces,
-    /// All points with neighbours around them.
+    /// All points with neighbours around them; clutter stays.
     All,
 }
 

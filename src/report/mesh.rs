@@ -43,7 +43,7 @@ pub(super) struct MeshReport {
     euler_characteristic: i64,
     /// The number of triangles that were cut out, because those around a loop have no common front.
     cut: u64,
-    /// The number of triangles that were left out because they follow no surface.
+    /// The number of triangles that were left out as clutter: they belong to no surface.
     clutter: u64,
     /// The median of the smallest angles of all triangles.
     smallest_angle_median: f64,
@@ -104,7 +104,7 @@ impl MeshReport {
         };
         let clutter = match self.clutter {
             0 => String::new(),
-            triangles => format!(", {} in clutter left out", thousands(triangles)),
+            triangles => format!(", {} left out as clutter", thousands(triangles)),
         };
         format!(
             "{} triangles{angles}; {} border edges, {} components{cut}{clutter}: {}",
@@ -161,7 +161,7 @@ impl MeshReport {
             (
                 "points unused",
                 thousands(self.points_unused),
-                "They have a normal and no triangle: their neighbours are too far away, or belong to another surface, or they are in clutter.",
+                "They have a normal and no triangle: their neighbours are too far away, or belong to another surface, or all their triangles were clutter.",
             ),
             (
                 "points without surface",
@@ -200,9 +200,9 @@ impl MeshReport {
         }
         if self.clutter > 0 {
             rows.push((
-                "triangles in clutter",
+                "triangles left out as clutter",
                 thousands(self.clutter),
-                "Left out: they lead from one leaf or twig to another and follow no surface. --mesh-of all keeps them.",
+                "They belong to no surface, as those from one leaf to another. --mesh-of all keeps them.",
             ));
         }
         rows
@@ -293,15 +293,17 @@ mod tests {
     fn triangles_that_are_left_out_are_named_where_there_are_any() {
         let mut figures = figures();
         let without = MeshReport::new(&figures, &[], "a.ply");
-        for out in ["cut out", "clutter</"] {
+        for out in ["cut out", "left out as clutter"] {
             assert!(!without.section().contains(out) && !without.summary().contains(out));
         }
         (figures.cut, figures.clutter) = (2, 34);
         let with = MeshReport::new(&figures, &[], "a.ply");
-        assert!(with.section().contains("cut out") && with.section().contains("clutter</"));
+        assert!(
+            with.section().contains("cut out") && with.section().contains("left out as clutter")
+        );
         let summary = with.summary();
         assert!(
-            summary.contains(", 2 triangles cut out, 34 in clutter left out: a.ply"),
+            summary.contains(", 2 triangles cut out, 34 left out as clutter: a.ply"),
             "{summary}"
         );
     }

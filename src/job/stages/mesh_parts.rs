@@ -71,18 +71,22 @@ impl MeshSource<'_> {
             .collect()
     }
 
-    /// The cells beside the cells `own` that are within reach of `core`.
+    /// The cells other than `own`, which are those of `core`, that are within reach of it.
     fn cells_around(&self, core: &Rect, own: &[usize]) -> Vec<usize> {
-        let wide = core.grown(self.reach());
+        let (reach, edge) = (self.reach(), self.grids.cells.edge());
+        let wide = core.grown(reach);
+        // Decisions can reach farther than a cell is wide.
+        let rings = ((reach + edge - 1) / edge) as i32;
         let mut around: Vec<usize> = own
             .iter()
             .flat_map(|&cell| {
                 let CellKey { row, column } = self.points.cells()[cell].key;
-                let beside = move |k: i32| CellKey {
-                    row: row + k / 3 - 1,
-                    column: column + k % 3 - 1,
-                };
-                (0..9).filter_map(move |k| self.points.index_of(beside(k)))
+                let rows = row - rings..=row + rings;
+                let keys = rows.flat_map(move |row| {
+                    let columns = column - rings..=column + rings;
+                    columns.map(move |column| CellKey { row, column })
+                });
+                keys.filter_map(|key| self.points.index_of(key))
             })
             .filter(|&cell| {
                 let rect = self.grids.cells.rect(self.points.cells()[cell].key);
