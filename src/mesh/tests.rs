@@ -53,12 +53,14 @@ fn sphere(count: u32) -> impl Iterator<Item = (Local, Local)> {
 const SPHERE_POINTS: u32 = 1500;
 const SPHERE_SPACING: f64 = 0.095;
 
+/// The node in this row and place of it of a hexagonal lattice of edge 1 on the plane z = 0.
+fn node(place: i32, row: i32) -> Local {
+    let [place, row] = [place, row].map(f64::from);
+    Local::new(place + 0.5 * (row % 2.0), 0.75_f64.sqrt() * row, 0.0)
+}
+
 /// A hexagonal lattice of edge 1 on the plane z = 0, without the nodes within `hole` of (20, 20).
 pub(super) fn sheet(hole: f64) -> impl Iterator<Item = (Local, Local)> {
-    let node = |i: i32, j: i32| {
-        let [i, j] = [i, j].map(f64::from);
-        Local::new(i + 0.5 * (j % 2.0), 0.75_f64.sqrt() * j, 0.0)
-    };
     (0..40)
         .flat_map(move |i| (0..46).map(move |j| node(i, j)))
         .filter(move |place| (place - Local::new(20.0, 20.0, 0.0)).norm() > hole)
@@ -194,14 +196,8 @@ fn parts_make_the_mesh_of_the_whole() {
 #[test]
 fn parts_that_see_a_share_of_the_cloud_make_the_mesh_of_the_whole() {
     // A long strip, so rough that much of it is clutter.
-    let node = |k: i32| {
-        let [i, j] = [k / 8, k % 8].map(f64::from);
-        (
-            Local::new(i + 0.5 * (j % 2.0), 0.75_f64.sqrt() * j, 0.0),
-            Local::z(),
-        )
-    };
-    let points = cloud((0..8 * 400).map(node), 0.3);
+    let strip = (0..8 * 400).map(|k| (node(k / 8, k % 8), Local::z()));
+    let points = cloud(strip, 0.3);
     for (of, keeps_edges) in [
         (MeshedPoints::Surfaces, false),
         (MeshedPoints::Surfaces, true),
