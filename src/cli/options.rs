@@ -96,8 +96,8 @@ struct SolverFlags {
     /// Lloyd iterations [default: 20]
     #[arg(long, value_name = "K")]
     iterations: Option<u32>,
-    /// Extrapolation of the iterations: none, relaxation, anderson or anderson-global
-    /// [default: relaxation]
+    /// Extrapolation of the iterations: none, relaxation, anderson or anderson-global; with the last
+    /// two the points depend on the tiles a little [default: relaxation]
     #[arg(long, value_name = "METHOD", value_parser = by_name::<Acceleration>)]
     accelerate: Option<Acceleration>,
     /// Choice of the seeds: hexagonal, poisson, area or random [default: hexagonal]

@@ -11,7 +11,8 @@ pub enum Acceleration {
     /// Over-relaxation: every site moves beyond its centroid, with a local safeguard.
     #[default]
     Relaxation,
-    /// Anderson mixing with a uniformity check, both by neighbourhood.
+    /// Anderson mixing with a uniformity check, both by neighbourhood. The result depends on the tiling a little: a comparison
+    /// decides for a whole block, and the last bit of a number can turn it.
     Anderson,
     /// Anderson mixing with a uniformity check, both of all sites at once: the paper's section
     /// IV-C to the letter. The result depends on the tiling.

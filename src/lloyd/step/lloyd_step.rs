@@ -252,6 +252,8 @@ impl Step {
         vicinity: &mut Vicinity<'_>,
     ) -> Local {
         let (surface, spacing) = (iteration.surface, vicinity.spacing);
+        // The last move may have led away from where the patch was fitted.
+        self.fit_patch(surface, vicinity);
         let Some(fit) = self.fit.as_deref_mut() else {
             return vicinity.position;
         };
