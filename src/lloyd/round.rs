@@ -242,7 +242,9 @@ mod tests {
             // More or fewer than there are seeds.
             (Acceleration::Relaxation, 12, Some(-300), false),
             (Acceleration::Relaxation, 12, Some(201), true),
-            // As many: the candidates of the tiles are for nothing, and no iteration is left for the last round.
+            // As many: only the tiles look for candidates. In the last case no iteration is left for the last round.
+            (Acceleration::Relaxation, 12, Some(0), false),
+            (Acceleration::None, 20, Some(0), false),
             (Acceleration::Relaxation, 1, Some(0), false),
             (Acceleration::None, 8, Some(1), false),
             // More than cells have corners for.

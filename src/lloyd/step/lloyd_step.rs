@@ -180,6 +180,8 @@ impl Step {
                 vicinity.gather_samples(surface);
             }
             put(&mut self.fit, vicinity.fit(surface));
+            // The cell was one on the former patch.
+            self.is_followed = false;
             self.is_settled = self.fit.is_none();
         }
     }
