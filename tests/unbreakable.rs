@@ -107,12 +107,38 @@ fn bad_files_stop_a_job_by_name_or_are_left_out_by_name() {
     assert!(verdict("pass-1.laz").is_null());
     let page = fs::read_to_string(dir.path().join("skipped.laz.report.html")).unwrap();
     assert_eq!(page.matches("left out: is ").count(), 3);
+    assert!(page.contains("points read, 3 files left out; "));
 
     // Nothing but bad files is no job.
     let output = dir.path().join("none.laz");
     let done = run(&scans.join("cut.laz"), &output, &skip);
     assert_eq!(done.status.code(), Some(1));
     assert!(stderr(&done).contains("cut.laz"), "{}", stderr(&done));
+}
+
+#[test]
+fn an_input_is_never_replaced() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = street(dir.path());
+    let replace = ["--spacing", "0.5", "--overwrite"];
+    let scan = scans.join("pass-1.laz");
+    let whole = fs::read(&scan).unwrap();
+    // By another path, and by the directory in which an earlier output lies.
+    let detour = scans.join("..").join(scans.file_name().unwrap());
+    let (within, between) = (detour.join("pass-1.laz"), scans.join("even.laz"));
+    succeed(&scans, &between, &["--spacing", "0.5"]);
+    for (input, output) in [(&scan, &within), (&scans, &between)] {
+        let before = fs::read(output).unwrap();
+        let done = run(input, output, &replace);
+        assert_eq!(done.status.code(), Some(1));
+        let answer = stderr(&done);
+        assert!(
+            answer.contains("is an input and would be replaced"),
+            "{answer}"
+        );
+        assert!(fs::read(output).unwrap() == before);
+    }
+    assert!(fs::read(&scan).unwrap() == whole);
 }
 
 #[test]

@@ -199,7 +199,7 @@ struct AttributeOptions {
     /// nearer to this point of the output than to any other) [default: nearest]
     #[arg(long, value_name = "RULE", value_parser = by_name::<ClassRule>)]
     class: Option<ClassRule>,
-    /// Extra attributes: normals, curvature, area, density, distance
+    /// Extra attributes: normals, curvature, area, density, distance, spacing
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = by_name::<Computed>)]
     with: Option<Vec<Computed>>,
 }

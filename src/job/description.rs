@@ -198,6 +198,34 @@ impl JobDescription {
         }
     }
 
+    /// Checks that none of the `inputs` is replaced by what the job writes.
+    ///
+    /// # Errors
+    ///
+    /// [`JobError::Las`] with the first that would be.
+    pub(crate) fn check_inputs_stay<'a>(
+        &self,
+        inputs: impl Iterator<Item = &'a Path>,
+    ) -> Result<(), JobError> {
+        let written = [Some(&self.output), self.mesh.as_ref()];
+        // What does not exist yet is no input.
+        let written = written.into_iter().flatten();
+        let written: Vec<PathBuf> = written
+            .filter_map(|path| path.canonicalize().ok())
+            .collect();
+        let is_written = |input: &&Path| {
+            let input = input.canonicalize();
+            input.is_ok_and(|input| written.contains(&input))
+        };
+        match { inputs }.find(is_written) {
+            Some(input) => {
+                let problem = "is an input and would be replaced; give the output another name, outside of the directories and patterns of the inputs";
+                Err(LasError::new(input, problem).into())
+            }
+            None => Ok(()),
+        }
+    }
+
     /// Whether an earlier run of the job has planned its tiles.
     fn has_begun(&self) -> bool {
         !self.restart && self.dir.join(PLAN_FILE).exists()

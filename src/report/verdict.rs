@@ -142,17 +142,22 @@ fn seamless(report: &Report) -> Verdict {
     )
 }
 
-/// Whether every point that the headers state was read, and is where they say.
+/// Whether every file was read, with every point that its header states, and all points are where it says.
 fn complete(report: &Report) -> Verdict {
     let inputs = &report.run.inputs;
     let read: u64 = inputs.iter().map(|input| input.read).sum();
     let rejected: u64 = inputs.iter().map(|input| input.rejected).sum();
     let filtered: u64 = inputs.iter().map(|input| input.filtered).sum();
     let outside: u64 = inputs.iter().map(|input| input.outside).sum();
+    let left_out = inputs
+        .iter()
+        .filter(|input| input.left_out.is_some())
+        .count() as u64;
     let missing: String = [
         (filtered, "left out by the filter"),
         (rejected, "rejected"),
         (outside, "outside of their header's bounds"),
+        (left_out, "files left out"),
     ]
     .iter()
     .filter(|(count, _)| *count > 0)
@@ -161,7 +166,7 @@ fn complete(report: &Report) -> Verdict {
     let (read, written) = (thousands(read), thousands(report.run.points));
     verdict(
         "complete?",
-        rejected == 0 && outside == 0,
+        rejected == 0 && outside == 0 && left_out == 0,
         format!("{read} points read{missing}; {written} written"),
     )
 }

@@ -2,7 +2,8 @@
 //!
 //! The logarithm of the count falls nearly linearly with that of the spacing: by 2 on a plane, by less where
 //! the scan is sparse. So the search is a secant method on logarithms. A quarter of the drawn parts is
-//! tried first; the others are tried only where that quarter comes near the count.
+//! tried first; the others are tried only where that quarter comes near the count. Where a step would leave the range between a spacing
+//! with too many sites and one with too few, as in clouds of few points, the range is halved.
 
 use super::{
     MAX_SITES_PER_POINT, SpacingError,
@@ -220,7 +221,8 @@ impl<C: CountedCloud> Search<'_, C> {
                 break;
             }
             let slope = slope_of(&by_first_parts).unwrap_or(SLOPE_OF_A_PLANE);
-            let next = (log_spacing - error / slope).exp().clamp(least, most);
+            let next = kept_between(&trials, log_spacing - error / slope);
+            let next = next.exp().clamp(least, most);
             if all_parts && error.abs() <= self.correctable() {
                 return Ok(next);
             }
@@ -252,7 +254,8 @@ impl<C: CountedCloud> Search<'_, C> {
             dominant_normals: self.dominant_normals,
             ..self.settings.at(spacing, self.sites_per_point)
         };
-        let error = |sample| (self.parts.seeds(sample) / self.count).ln();
+        // The logarithm of no site at all is no number.
+        let error = |sample| (self.parts.seeds(sample).max(0.5) / self.count).ln();
         let elect = |drawn: &[DrawnPart]| {
             let counts = self.parts.elect(drawn, &options);
             counts.map_err(SpacingError::Gather)
@@ -273,7 +276,8 @@ impl<C: CountedCloud> Search<'_, C> {
             return Ok(last.ln().exp());
         };
         let spacing = best.log_spacing.exp();
-        if best.error < NOT_CARRIED {
+        let has_enough = trials.iter().any(|trial| trial.error > 0.0);
+        if best.error < NOT_CARRIED && !has_enough {
             return Err(SpacingError::CannotCarry {
                 count: self.count as u64,
                 spacing,
@@ -296,6 +300,22 @@ fn is_exhausted(trials: &[Trial]) -> bool {
             && last.error - trial.error < LEAST_GROWTH
     };
     last.error < NOT_CARRIED && before.iter().any(is_in_vain)
+}
+
+/// The logarithm `next` of a spacing, or if it is not between the coarsest of `trials` with too many sites and the finest with too few
+/// the middle of these.
+fn kept_between(trials: &[Trial], next: f64) -> f64 {
+    let of = |is_it: fn(f64) -> bool| {
+        let found = trials.iter().filter(move |trial| is_it(trial.error));
+        found.map(|trial| trial.log_spacing)
+    };
+    let too_fine = of(|error| error > 0.0).max_by(f64::total_cmp);
+    let too_coarse = of(|error| error < 0.0).min_by(f64::total_cmp);
+    match (too_fine, too_coarse) {
+        // Noise of the sample can put them the other way around.
+        (Some(low), Some(high)) if low < high && !(low..high).contains(&next) => 0.5 * (low + high),
+        _ => next,
+    }
 }
 
 /// The slope of the logarithm of the count over that of the spacing, by the last two trials.

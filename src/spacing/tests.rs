@@ -129,3 +129,18 @@ fn a_count_that_no_spacing_gives_is_given_up_after_few_trials() {
     assert!((12_000.0..40_000.0).contains(&reached), "{reached}");
     assert!(gathers <= 12, "{gathers} parts were read");
 }
+
+#[test]
+fn a_cloud_of_few_points_has_the_count_as_nearly_as_a_spacing_gives_it() {
+    for first in 0..8 {
+        let all = points(880, [10, 10, 10]);
+        let points = &all[110 * first..110 * (first + 1)];
+        for count in [11, 20, 40] {
+            let (result, ..) = resolved(points, Target::Count(count));
+            let (spacing, _) = result.unwrap();
+            let (result, ..) = resolved(points, Target::Spacing(spacing));
+            let (_, found) = result.unwrap();
+            assert!(found.abs_diff(count) <= 3, "{found} instead of {count}");
+        }
+    }
+}

@@ -38,14 +38,13 @@ pub(super) fn estimated_spacing(
     let cell = (extent / (positions.len().max(1) as f64).sqrt()).max(quantization.scale);
     let grid = NeighborGrid::new(&positions, cell);
     let (mut sum, mut count) = (0.0, 0_u32);
-    for (index, &position) in (0u32..)
-        .zip(&positions)
-        .step_by(positions.len().div_ceil(SAMPLE_POINTS).max(1))
-    {
-        let nearest = grid.nearest(position, extent.max(cell), |other| other == index);
-        if let Some((_, distance_squared)) = nearest
-            && distance_squared > 0.0
-        {
+    let step = positions.len().div_ceil(SAMPLE_POINTS).max(1);
+    for &position in positions.iter().step_by(step) {
+        // Coincident points say nothing of the distance to the next place.
+        let nearest = grid.nearest(position, extent.max(cell), |other| {
+            positions[other as usize] == position
+        });
+        if let Some((_, distance_squared)) = nearest {
             sum += distance_squared.sqrt();
             count += 1;
         }

@@ -148,13 +148,21 @@ fn measure_in(
     }
     .tally()?;
 
+    // The cells know better than the distances how wide a lattice of as many points would be.
+    let uniformity = tally.uniformity.figures();
+    let of_cells = uniformity.mean / uniformity.packing;
+    let spacing = match of_cells.is_finite() {
+        true => of_cells,
+        false => spacing,
+    };
+
     // The distances to the scans and from them.
     let compared = comparison
         .map(|plan| compare(&spill, scans, quantization, spacing, &plan))
         .transpose()?;
     Ok(Measured {
         points: tally.points,
-        uniformity: tally.uniformity.figures(),
+        uniformity,
         spacing,
         alone: (tally.alone.figures().count > 0).then(|| tally.alone.figures()),
         accuracy: compared.as_ref().map(|c| c.accuracy.figures()),
@@ -318,5 +326,27 @@ mod tests {
         write_cloud(&path, &(0..3600).map(position).collect::<Vec<_>>());
         let measured = measure(&[path], &[], dir.path(), None, 2).unwrap();
         assert!(measured.alone.is_none() && measured.uniformity.alone == 0);
+        // A hexagonal lattice with as many points is wider than the square one.
+        let hexagonal = 0.1 * (2.0 / 3.0_f64.sqrt()).sqrt();
+        assert!(
+            (measured.spacing / hexagonal - 1.0).abs() < 0.01,
+            "{}",
+            measured.spacing
+        );
+    }
+
+    #[test]
+    fn a_cloud_of_doubled_points_is_measured() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("doubled.ply");
+        let position = |i: u32| [0.1 * f64::from(i / 2 % 60), 0.1 * f64::from(i / 120), 1.0];
+        write_cloud(&path, &(0..7200).map(position).collect::<Vec<_>>());
+        let measured = measure(&[path], &[], dir.path(), None, 2).unwrap();
+        assert_eq!(measured.points, 7200);
+        assert!(
+            (0.09..0.13).contains(&measured.spacing),
+            "{}",
+            measured.spacing
+        );
     }
 }

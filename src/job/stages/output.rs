@@ -266,12 +266,19 @@ impl<'a> Way<'a> {
     }
 }
 
-/// The note on an output of so many `points` that misses the number that is to be met exactly.
+/// Share of the number that was asked for by which an output may miss it, if it need not be met exactly.
+const LARGEST_MISS: f64 = 0.003;
+
+/// The note on an output of so many `points` that misses the number that was asked for.
 fn missed_count(solver: &TileSolver, points: u64) -> Option<String> {
-    let wanted = solver.wanted.filter(|wanted| wanted.is_exact)?;
-    (points != wanted.sites).then(|| {
+    let wanted = solver.wanted?;
+    let (name, allowed) = match wanted.is_exact {
+        true => ("--exact: ", 0.0),
+        false => ("", LARGEST_MISS * wanted.sites as f64),
+    };
+    (points.abs_diff(wanted.sites) as f64 > allowed).then(|| {
         format!(
-            "--exact: {points} points instead of {}: there are not enough places where points could come or leave",
+            "{name}{points} points instead of {}: there are not enough places where points could come or leave",
             wanted.sites
         )
     })

@@ -122,6 +122,8 @@ fn survey_inputs(run: &RunContext<'_>) -> Result<(Survey, InputStamps), JobError
         )));
     }
     let survey = Survey::of(&job.inputs, &job.settings, job.skip_bad_files)?;
+    let paths = survey.inputs.iter().map(|input| input.path.as_path());
+    job.check_inputs_stay(paths)?;
     for note in &survey.notes {
         run.progress.note(note);
     }

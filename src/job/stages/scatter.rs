@@ -88,7 +88,7 @@ pub(super) fn scatter_readable(
             Err(JobError::BadFiles(bad)) if leaves_out => {
                 // Some of their points are spilled already, so that the spill begins anew.
                 for bad in &bad {
-                    let note = format!("{} is left out: it {}", bad.path, bad.reason);
+                    let note = format!("{} is left out ({})", bad.path, bad.reason);
                     run.progress.note(&note);
                 }
                 survey = survey.without(bad)?;

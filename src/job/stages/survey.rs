@@ -226,7 +226,7 @@ fn notes(inputs: &[InputFile], left_out: &[LeftOut], crs: Option<&Crs>) -> Vec<S
     notes.extend(
         left_out
             .iter()
-            .map(|bad| format!("{} is left out: it {}", bad.path, bad.reason)),
+            .map(|bad| format!("{} is left out ({})", bad.path, bad.reason)),
     );
     match crs {
         None => notes.push("no input states a CRS; the output states none".into()),

@@ -77,6 +77,13 @@ impl ExtraAttribute {
         Self::from_descriptor(&descriptor).unwrap_or_else(|| Self::undescribed(0))
     }
 
+    /// Gives the attribute, which a descriptor describes, another name (cut after 32 bytes).
+    pub(super) fn rename(&mut self, name: &str) {
+        self.name = name.chars().take(NAME.len()).collect();
+        self.descriptor[NAME].fill(0);
+        self.descriptor[NAME][..self.name.len()].copy_from_slice(self.name.as_bytes());
+    }
+
     /// An attribute of 32-bit reals.
     ///
     /// # Panics

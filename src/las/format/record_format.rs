@@ -19,12 +19,17 @@ pub(crate) struct RecordFormat {
 
 impl RecordFormat {
     /// Adds an extra-bytes attribute of 32-bit reals, unless there is one of that name and
-    /// type already, and returns the attribute. The description has at most 32 bytes.
+    /// type already, and returns the attribute. One of that name and another type is renamed, since readers refuse a name
+    /// that occurs twice. The description has at most 32 bytes.
     pub(crate) fn add_real(&mut self, name: &str, description: &str) -> RealAttribute {
         let mut offset = self.standard_length();
-        for known in self.described() {
-            if known.name == name && known.data_type() == REAL_DATA_TYPE {
-                return RealAttribute::at(offset);
+        let described = |extra: &&mut ExtraAttribute| extra.is_described();
+        for known in self.extra_bytes.iter_mut().filter(described) {
+            if known.name == name {
+                if known.data_type() == REAL_DATA_TYPE {
+                    return RealAttribute::at(offset);
+                }
+                known.rename(&format!("Scanned{name}"));
             }
             offset += known.length;
         }
@@ -93,5 +98,20 @@ mod tests {
         assert_eq!(record.described_length(), 46);
         assert_eq!(record.record_length(), 49);
         assert!(record.extra_bytes[3].descriptor.is_empty());
+    }
+
+    #[test]
+    fn an_attribute_of_the_scan_with_another_type_is_renamed() {
+        let mut record = RecordFormat {
+            point_format: 6,
+            extra_bytes: vec![ExtraAttribute::named("NormalX", 10)],
+        };
+        assert_eq!(record.add_real("NormalX", "of the surface").offset(), 38);
+        assert_eq!(record.add_real("NormalX", "of the surface").offset(), 38);
+        let described = record.extra_bytes.iter();
+        let described = described.map(|e| ExtraAttribute::from_descriptor(&e.descriptor).unwrap());
+        let described: Vec<_> = described.map(|e| (e.name, e.length)).collect();
+        let expected = [("ScannedNormalX".to_owned(), 8), ("NormalX".to_owned(), 4)];
+        assert_eq!(described, expected);
     }
 }

@@ -5,7 +5,7 @@
 //! programs for meshes know has the names and types that they expect: colours are bytes, and
 //! unit normals are `nx ny nz`, with 0 0 0 for an unknown one, because readers spread NaN.
 
-use std::ops::Range;
+use std::{collections::HashSet, ops::Range};
 
 use super::{
     extra_bytes::{ExtraAttribute, SCALAR_DATA_TYPES},
@@ -103,12 +103,24 @@ impl VertexProperty {
             let normal = NORMAL_NAMES
                 .iter()
                 .find(|(of_las, _)| extra.name == *of_las);
-            if let (true, Some((_, of_ply)), [only]) = (has_normals, normal, &mut made[..]) {
+            let is_normal = has_normals && extra.data_type() == SINGLE;
+            if let (true, Some((_, of_ply)), [only]) = (is_normal, normal, &mut made[..]) {
                 only.name = (*of_ply).to_owned();
                 only.conversion = Conversion::KnownOrZero;
             }
             properties.extend(made);
             offset += extra.length;
+        }
+        // An attribute of the scan can have the name of a coordinate, of a normal, or of a property above it.
+        let mut names = HashSet::from(["x", "y", "z"].map(str::to_owned));
+        if has_normals {
+            names.extend(NORMAL_NAMES.map(|(_, of_ply)| of_ply.to_owned()));
+        }
+        let is_normal = |property: &&mut Self| property.conversion == Conversion::KnownOrZero;
+        for property in properties.iter_mut().filter(|it| !is_normal(it)) {
+            while !names.insert(property.name.clone()) {
+                property.name.push('_');
+            }
         }
         properties
     }
@@ -161,5 +173,51 @@ impl VertexProperty {
                 out.extend(known.to_le_bytes());
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_two_properties_have_the_same_name() {
+        let named = |(name, kind)| ExtraAttribute::named(name, kind);
+        let normals = NORMAL_NAMES.map(|(of_las, _)| (of_las, SINGLE));
+        let others = [
+            ("nx", 1),
+            ("flags", 3),
+            ("x", 9),
+            ("red_low", 9),
+            ("flags", 5),
+        ];
+        let record = RecordFormat {
+            point_format: 7,
+            extra_bytes: others.into_iter().chain(normals).map(named).collect(),
+        };
+        let properties = VertexProperty::of_format(&record);
+        let names: Vec<&str> = properties.iter().map(|it| it.name.as_str()).collect();
+        let last = [
+            "nx_", "flags_", "x_", "red_low_", "flags__", "nx", "ny", "nz",
+        ];
+        assert!(names.ends_with(&last), "{names:?}");
+        let distinct: HashSet<&str> = names.iter().copied().collect();
+        assert_eq!(distinct.len(), names.len());
+    }
+
+    #[test]
+    fn normals_of_double_precision_are_copied() {
+        let named = |(name, _)| ExtraAttribute::named(name, 10);
+        let record = RecordFormat {
+            point_format: 6,
+            extra_bytes: NORMAL_NAMES.map(named).into(),
+        };
+        let properties = VertexProperty::of_format(&record);
+        let mut out = Vec::new();
+        properties
+            .last()
+            .unwrap()
+            .append(&vec![7; record.record_length()], &mut out);
+        assert_eq!(out, [7; 8]);
     }
 }
