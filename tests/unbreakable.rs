@@ -107,7 +107,7 @@ fn bad_files_stop_a_job_by_name_or_are_left_out_by_name() {
     assert!(verdict("pass-1.laz").is_null());
     let page = fs::read_to_string(dir.path().join("skipped.laz.report.html")).unwrap();
     assert_eq!(page.matches("left out: is ").count(), 3);
-    assert!(page.contains("points read, 3 files left out; "));
+    assert!(page.contains("points read, 3 of the files left out; "));
 
     // Nothing but bad files is no job.
     let output = dir.path().join("none.laz");

@@ -205,7 +205,7 @@ impl JobDescription {
     /// [`JobError::Las`] with the first that would be.
     pub(crate) fn check_inputs_stay<'a>(
         &self,
-        inputs: impl Iterator<Item = &'a Path>,
+        mut inputs: impl Iterator<Item = &'a Path>,
     ) -> Result<(), JobError> {
         let written = [Some(&self.output), self.mesh.as_ref()];
         // What does not exist yet is no input.
@@ -217,7 +217,7 @@ impl JobDescription {
             let input = input.canonicalize();
             input.is_ok_and(|input| written.contains(&input))
         };
-        match { inputs }.find(is_written) {
+        match inputs.find(is_written) {
             Some(input) => {
                 let problem = "is an input and would be replaced; give the output another name, outside of the directories and patterns of the inputs";
                 Err(LasError::new(input, problem).into())

@@ -157,7 +157,7 @@ fn complete(report: &Report) -> Verdict {
         (filtered, "left out by the filter"),
         (rejected, "rejected"),
         (outside, "outside of their header's bounds"),
-        (left_out, "files left out"),
+        (left_out, "of the files left out"),
     ]
     .iter()
     .filter(|(count, _)| *count > 0)
