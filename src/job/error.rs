@@ -25,7 +25,7 @@ pub enum JobError {
     Inputs(Vec<String>),
     /// Inputs cannot be read; each is named with the reason.
     #[error(
-        "{} cannot be read:\n{}repair or remove {}, or give --on-bad-file skip to go on without",
+        "{} cannot be read:\n{}repair or remove {}; with --on-bad-file skip a job goes on without, if other files are left",
         files(.0.len()),
         .0.iter().map(|bad| format!("  {}: {}\n", bad.path, bad.reason)).collect::<String>(),
         if .0.len() == 1 { "it" } else { "them" }

@@ -130,6 +130,13 @@ impl Budget {
         BASE_BYTES + self.held + (bytes / USABLE_SHARE).ceil() as u64
     }
 
+    /// What a process holds at the most that has `resident` bytes when its tiles are planned, of which those that are in memory together cost
+    /// `bytes`: the allocator may keep what was freed by then. It is no more than the budget.
+    pub(crate) fn held_with(&self, resident: u64, bytes: f64) -> u64 {
+        let with_tiles = resident + (bytes / USABLE_SHARE).ceil() as u64;
+        with_tiles.min(self.total).max(self.needed(bytes))
+    }
+
     /// The smallest budget, in bytes, with which any job is begun.
     pub(crate) fn least(&self) -> u64 {
         BASE_BYTES + 2 * BYTES_PER_DECODER + (16 << 20)

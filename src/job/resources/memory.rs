@@ -38,7 +38,7 @@ pub(crate) fn peak_resident() -> Option<u64> {
 
 /// The resident memory of this process now, in bytes, mapped pages included (`VmRSS`); `None`
 /// where the system does not report it.
-pub(super) fn resident() -> Option<u64> {
+pub(crate) fn resident() -> Option<u64> {
     proc_kib("/proc/self/status", "VmRSS:")
 }
 

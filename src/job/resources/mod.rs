@@ -8,4 +8,4 @@ mod memory;
 pub(crate) use budget::{Budget, mebibytes, points_for, tile_bytes};
 pub(crate) use clock::{Clock, ResourceSample, StageCost};
 pub(crate) use forecast::Forecast;
-pub(crate) use memory::peak_resident;
+pub(crate) use memory::{peak_resident, resident};

@@ -15,7 +15,7 @@ use crate::{
         directory::{DiskNeed, bytes_in, check_room, directory_of, is_of_tiles},
         error::JobError,
         progress::Progress,
-        resources::{mebibytes, peak_resident},
+        resources::{mebibytes, peak_resident, resident},
     },
     lloyd::{DominantNormals, SolverOptions},
     tiling::Plan,
@@ -111,7 +111,8 @@ pub(super) fn plan_tiles(
     let held = peak_resident().unwrap_or(0);
     let costs: Vec<u64> = plan.tiles.iter().map(|tile| tile.cost).collect();
     let budget = cloud.budget();
-    let needed = held.max(budget.needed(budget.most_held(&costs) as f64));
+    let tiles = budget.most_held(&costs) as f64;
+    let needed = held.max(budget.held_with(resident().unwrap_or(0), tiles));
     run.progress.note(&format!(
         "{}{}; memory up to {} of {}, temporary files up to {}",
         match plan.tiles.len() {
