@@ -114,9 +114,12 @@ fn what_rules_cannot_do_is_said_before_anything_is_read() {
     let with = |more: &[&str]| said(&[&rules[..], more].concat());
     assert!(with(&["--mesh", "none.ply"]).contains("--mesh makes triangles of one size"));
     assert!(with(&["--accelerate", "anderson"]).contains("give --accelerate none or relaxation"));
-    let unknown = said(&["--spacing", "0.5", "--spacing-of", "roll=0..5:0.2"]);
-    assert!(
-        unknown.contains("roll") && unknown.contains("intensity"),
-        "{unknown}"
-    );
+    // Also where the rule is the only one, so that the spacing is the same everywhere.
+    for spacing in [&["--spacing", "0.5"][..], &[]] {
+        let unknown = said(&[spacing, &["--spacing-of", "roll=0..5:0.2"]].concat());
+        assert!(
+            unknown.contains("roll") && unknown.contains("intensity"),
+            "{unknown}"
+        );
+    }
 }

@@ -183,12 +183,15 @@ pub(crate) fn spacing_rules(
     record: &RecordFormat,
     quantization: &Quantization,
 ) -> Result<Option<Arc<dyn SpacingRules>>, JobError> {
-    let varies = settings.solver.grading.is_some();
-    let Some(density) = settings.density.as_ref().filter(|_| varies) else {
+    let Some(density) = settings.density.as_ref() else {
         return Ok(None);
     };
+    // A rule that no record can follow is wrong, even where all rules have one spacing.
     let wanted = WantedSpacing::new(density, record, quantization)?;
-    Ok(Some(Arc::new(wanted)))
+    Ok(match settings.solver.grading {
+        Some(_) => Some(Arc::new(wanted)),
+        None => None,
+    })
 }
 
 impl SpacingRules for WantedSpacing {

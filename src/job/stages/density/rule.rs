@@ -103,7 +103,7 @@ impl Rule {
                 Condition::Attribute { name, range } => {
                     let attribute = record.attribute(name).ok_or_else(|| {
                         format!(
-                            "no input has an attribute `{name}`; give one of {}",
+                            "no input has an attribute `{name}`; give class, height, polygon, or one of {}",
                             record.attribute_names().join(", ")
                         )
                     })?;
