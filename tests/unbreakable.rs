@@ -335,7 +335,7 @@ fn odd_clouds_are_done() {
     };
     let sheet: Vec<[i32; 3]> = (0..n).map(|_| flat(20_000)).collect();
     let far = |place: [i32; 3]| [2_000_000_000 + place[0], place[1] - 2_000_000_000, place[2]];
-    let stray = [[-1_900_000_000, 1_900_000_000, 0]];
+    let stray = [-1_900_000_000, 1_900_000_000].map(|far| [far, -far, 0]);
     let clouds: [OddCloud; 6] = [
         ("equal", vec![[5, 6, 7]; n], 1, &[]),
         (
@@ -382,6 +382,9 @@ fn odd_clouds_are_done() {
         succeed(&input, &output, &options);
         let report = report(&output);
         assert_eq!(report["inputs"][0]["read"], count, "{name}");
+        let notes = report["notes"].to_string();
+        let is_rounded = notes.contains("coordinates are rounded to");
+        assert_eq!(is_rounded, name == "stray", "{name}: {notes}");
         assert!(
             report["points"].as_u64().unwrap() >= least,
             "{name}: {}",

@@ -164,13 +164,16 @@ impl Survey {
 
         // Decide what follows for the run.
         let crs = inputs.iter().find_map(|input| input.crs.clone());
+        let quantization = quantization(&inputs, &requested);
+        let mut notes = notes(&inputs, &left_out, crs.as_ref());
+        notes.extend(note_on_scale(&inputs, &quantization));
         Ok(Self {
             record: RecordFormat::for_inputs(&inputs)?,
-            quantization: quantization(&inputs, &requested),
+            quantization,
             has_standard_time: inputs
                 .iter()
                 .any(|input| input.format().has_gps_time && input.has_standard_time),
-            notes: notes(&inputs, &left_out, crs.as_ref()),
+            notes,
             crs,
             inputs,
             left_out,
@@ -261,12 +264,28 @@ fn claimed_bounds(inputs: &[InputFile]) -> ([f64; 3], [f64; 3]) {
     bounds
 }
 
+/// The smallest scale of `inputs`.
+fn finest_scale(inputs: &[InputFile]) -> f64 {
+    let scales = inputs.iter().map(InputFile::finest_scale);
+    scales.fold(f64::INFINITY, f64::min)
+}
+
+/// A note where the inputs are so wide that coordinates on `quantization` have coarser steps than theirs.
+fn note_on_scale(inputs: &[InputFile], quantization: &Quantization) -> Option<String> {
+    let (finest, scale) = (finest_scale(inputs), quantization.scale);
+    let (min, max) = claimed_bounds(inputs);
+    let widest = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
+    (scale > 1.01 * finest).then(|| {
+        format!(
+            "coordinates are rounded to {scale}, where the inputs have {finest}: with 32 bits they have no finer steps over a width of {widest:.0}; \
+             if that is too wide, remove points that are far from all others"
+        )
+    })
+}
+
 /// The smallest scale of the inputs, or a smaller one if the spacing requires it.
 fn quantization(inputs: &[InputFile], requested: &Requested) -> Quantization {
-    let scale = inputs
-        .iter()
-        .map(InputFile::finest_scale)
-        .fold(f64::INFINITY, f64::min);
+    let scale = finest_scale(inputs);
     let (min, max) = claimed_bounds(inputs);
     let spacing = requested.target.spacing_of_a_square(min, max);
     let finest = spacing.map(|coarsest| requested.finest * coarsest);
