@@ -73,8 +73,7 @@ pub(super) struct Compared {
 #[derive(Serialize)]
 struct MeasuredCloud {
     file: PathBuf,
-    /// The spacing of a hexagonal lattice with as many points to the area, by the cells of the cloud; where there are none,
-    /// it is estimated from the nearest distances.
+    /// The spacing of the measured cloud, by the name that scripts know.
     lattice_spacing: f64,
     #[serde(flatten)]
     measured: Measured,
@@ -127,7 +126,7 @@ pub(super) fn compared(arguments: &CompareArguments) -> Result<Compared, JobErro
 
     let cloud = |file: &PathBuf, measured: Measured| MeasuredCloud {
         file: file.clone(),
-        lattice_spacing: lattice_spacing(&measured),
+        lattice_spacing: measured.spacing,
         measured,
     };
     let (a, b) = (cloud(first, a), cloud(second, b));
@@ -145,16 +144,6 @@ pub(super) fn compared(arguments: &CompareArguments) -> Result<Compared, JobErro
         between: between.map(|(a_to_b, b_to_a)| Between { a_to_b, b_to_a }),
         picture: arguments.output.clone(),
     })
-}
-
-/// The spacing (CRS units) of a hexagonal lattice with as many points to the area as the cloud. Nearest distances alone would make
-/// an uneven cloud look denser than it is.
-fn lattice_spacing(measured: &Measured) -> f64 {
-    let by_cells = measured.uniformity.mean / measured.uniformity.packing;
-    match by_cells.is_finite() && by_cells > 0.0 {
-        true => by_cells,
-        false => measured.spacing,
-    }
 }
 
 /// The value of a figure of an ideal cloud, by the name of the figure.

@@ -32,8 +32,8 @@ pub(crate) struct Measured {
     pub(crate) points: u64,
     /// The figures of uniformity.
     pub(crate) uniformity: Uniformity,
-    /// The estimated spacing of a hexagonal lattice with as many points on the cloud's surface. It
-    /// is the unit of the distances below.
+    /// The spacing of a hexagonal lattice with as many points to the area, by the cells of the cloud; where there are none,
+    /// it is estimated from the nearest distances. It is the unit of the distances below.
     pub(crate) spacing: f64,
     /// The nearest distances of the points that the figures of uniformity leave out because they have no
     /// neighbour within four spacings; `None` if there is no such point.
@@ -148,11 +148,11 @@ fn measure_in(
     }
     .tally()?;
 
-    // The cells know better than the distances how wide a lattice of as many points would be.
+    // Nearest distances alone would make an uneven cloud look denser than it is, and an even one sparser.
     let uniformity = tally.uniformity.figures();
-    let of_cells = uniformity.mean / uniformity.packing;
-    let spacing = match of_cells.is_finite() {
-        true => of_cells,
+    let by_cells = uniformity.mean / uniformity.packing;
+    let spacing = match by_cells.is_finite() && by_cells > 0.0 {
+        true => by_cells,
         false => spacing,
     };
 

@@ -127,13 +127,13 @@ impl Budget {
 
     /// The smallest budget, in bytes, with which a tile that costs `bytes` fits.
     pub(crate) fn needed(&self, bytes: f64) -> u64 {
-        BASE_BYTES + self.held + (bytes / USABLE_SHARE).ceil() as u64
+        BASE_BYTES + self.held + with_margin(bytes)
     }
 
     /// What a process holds at the most that has `resident` bytes when its tiles are planned, of which those that are in memory together cost
     /// `bytes`: the allocator may keep what was freed by then. It is no more than the budget.
     pub(crate) fn held_with(&self, resident: u64, bytes: f64) -> u64 {
-        let with_tiles = resident + (bytes / USABLE_SHARE).ceil() as u64;
+        let with_tiles = resident + with_margin(bytes);
         with_tiles.min(self.total).max(self.needed(bytes))
     }
 
@@ -156,6 +156,11 @@ pub(crate) fn tile_bytes(points: f64, voxels: f64, seeds: f64) -> f64 {
 /// The largest number of points of a tile that costs `bytes`.
 pub(crate) fn points_for(bytes: u64) -> u64 {
     (bytes as f64 / BYTES_PER_POINT_READ) as u64
+}
+
+/// What tiles that cost `bytes` take of a budget.
+fn with_margin(bytes: f64) -> u64 {
+    (bytes / USABLE_SHARE).ceil() as u64
 }
 
 /// What a tile that costs `bytes` takes before it is solved, at most.

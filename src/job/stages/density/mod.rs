@@ -188,10 +188,8 @@ pub(crate) fn spacing_rules(
     };
     // A rule that no record can follow is wrong, even where all rules have one spacing.
     let wanted = WantedSpacing::new(density, record, quantization)?;
-    Ok(match settings.solver.grading {
-        Some(_) => Some(Arc::new(wanted)),
-        None => None,
-    })
+    let varies = settings.solver.grading.is_some();
+    Ok(varies.then(|| Arc::new(wanted) as Arc<dyn SpacingRules>))
 }
 
 impl SpacingRules for WantedSpacing {
