@@ -11,6 +11,19 @@ pub(super) fn escape(text: &str) -> String {
         .replace('"', "&quot;")
 }
 
+/// Returns text without file names as it may stand in a page: no line ends within a number like `27 052`.
+pub(super) fn prose(text: &str) -> String {
+    let mut before = ' ';
+    let mut next = text.chars().skip(1);
+    let unbroken = text.chars().map(|here| {
+        let after = next.next().unwrap_or(' ');
+        let in_number = here == ' ' && before.is_ascii_digit() && after.is_ascii_digit();
+        before = here;
+        if in_number { '\u{a0}' } else { here }
+    });
+    escape(&unbroken.collect::<String>())
+}
+
 /// Returns a table with a head; cells are text.
 pub(super) fn table(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
     let cells = |row: &[String], tag: &str| -> String {
@@ -47,6 +60,11 @@ mod tests {
     fn text_cannot_become_markup() {
         let cell = table(&["a"], [vec!["<script>&\"".to_owned()]].into_iter());
         assert!(cell.contains("&lt;script&gt;&amp;&quot;") && !cell.contains("<script>"));
+    }
+
+    #[test]
+    fn a_number_stands_in_one_line() {
+        assert_eq!(prose("27 052 of 1 234 < 5"), "27\u{a0}052 of 1\u{a0}234 &lt; 5");
     }
 
     #[test]

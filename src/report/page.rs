@@ -4,7 +4,7 @@ use super::{
     chart,
     contents::{Report, SPANNED},
     figure_tables::{figures, inputs, seams, settings, spacings, stages},
-    html::{STYLE, escape},
+    html::{STYLE, escape, prose},
     levels::levels,
     map,
     mesh::MeshReport,
@@ -79,7 +79,7 @@ fn cards(report: &Report) -> String {
                 verdict.answer,
                 verdict.question,
                 verdict.answer,
-                escape(&verdict.figures)
+                prose(&verdict.figures)
             )
         })
         .collect()
