@@ -64,7 +64,10 @@ mod tests {
 
     #[test]
     fn a_number_stands_in_one_line() {
-        assert_eq!(prose("27 052 of 1 234 < 5"), "27\u{a0}052 of 1\u{a0}234 &lt; 5");
+        assert_eq!(
+            prose("27 052 of 1 234 < 5"),
+            "27\u{a0}052 of 1\u{a0}234 &lt; 5"
+        );
     }
 
     #[test]
