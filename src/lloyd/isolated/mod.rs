@@ -24,6 +24,7 @@ mod planes;
 mod represented;
 #[cfg(test)]
 mod tests;
+mod wires;
 
 use std::sync::OnceLock;
 
@@ -37,6 +38,7 @@ use self::{
     represented::{
         Represented, VOXELS_OF_A_SEED, average_points, most_usual_points, own_points, usual_points,
     },
+    wires::lies_on_a_wire,
 };
 use super::{options::MANY_SEEDS, surface::Surface};
 use crate::geometry::{ITEMS_PER_TASK, Local, NeighborGrid};
@@ -106,6 +108,8 @@ struct Properties {
     is_on_a_plane: OnceLock<bool>,
     /// Whether the seed lies on a plane or line of the sparse seeds around it.
     is_among_sparse: OnceLock<bool>,
+    /// Whether the seed lies on a wire.
+    is_on_a_wire: OnceLock<bool>,
     /// The surface that the seed lies on, if it is on one.
     surface: OnceLock<Option<Box<SurfacePlane>>>,
     /// Whether the seed is adrift, beside a surface, or a speck.
@@ -188,6 +192,15 @@ impl<'a> Seeds<'a> {
         })
     }
 
+    /// Whether the seed lies on a wire.
+    fn is_on_a_wire(&self, seed: usize) -> bool {
+        *self.properties[seed].is_on_a_wire.get_or_init(|| {
+            let place = self.positions[seed];
+            let options = self.surface.options_at(place);
+            lies_on_a_wire(&self.grid, place, &options, |other| self.is_sparse(other))
+        })
+    }
+
     /// Whether the seed is adrift, beside a surface, or a speck.
     fn is_lost(&self, seed: usize) -> bool {
         *self.properties[seed].is_lost.get_or_init(|| {
@@ -205,7 +218,7 @@ impl<'a> Seeds<'a> {
                     true => AVERAGE_SHARE_OF_A_GROUP_ALONE,
                     false => AVERAGE_SHARE_OF_A_GROUP,
                 };
-                !self.are_dense(seed, &group, average_share)
+                !self.are_dense(seed, &group, average_share) && !self.is_on_a_wire(seed)
             })
     }
 
@@ -259,6 +272,7 @@ impl<'a> Seeds<'a> {
             && !self.is_on_a_plane(seed)
             && !self.is_among_sparse(seed)
             && is_next_to_nothing(self.usual_points(seed))
+            && !self.is_on_a_wire(seed)
     }
 
     /// Whether the seed is thin and all that are linked to it are, however many, and they lie on no plane.
@@ -283,6 +297,7 @@ impl<'a> Seeds<'a> {
                 linked.sort_unstable_by(|a, b| fewest(b).total_cmp(&fewest(a)));
                 linked.into_iter().all(|other| self.is_thin(other))
             }
+            && !self.is_on_a_wire(seed)
     }
 
     /// Whether the seed stands for no more points than seeds do on average.

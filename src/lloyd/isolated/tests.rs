@@ -75,6 +75,21 @@ fn strays_a_spacing_above_a_surface_are_isolated_and_a_wire_there_is_not() {
 }
 
 #[test]
+fn a_wire_with_a_return_every_two_spacings_stays_but_for_its_ends() {
+    let wire = (0..40).map(|k| Local::new(1.0, -2.0 + 0.2 * f64::from(k), 1.5));
+    let bird = Local::new(2.5, 1.5, 1.5);
+    let judged = judged(floor().chain(wire).chain([bird]).collect());
+    let high = judged.iter().filter(|(place, _)| place.z > 1.0);
+    let (on_wire, birds): (Vec<_>, Vec<_>) = high.partition(|(place, _)| place.x < 2.0);
+    assert!(birds.len() == 1 && birds[0].1);
+    let is_kept = |(place, is_isolated): &&(Local, bool)| {
+        let is_at_end = (place.y - 1.9).abs() > 3.9 - 0.5;
+        is_at_end || !is_isolated
+    };
+    assert!(on_wire.len() == 40 && on_wire.iter().all(|judged| is_kept(judged)));
+}
+
+#[test]
 fn specks_around_a_dense_crown_are_isolated_and_the_crown_is_not() {
     // A shell of two spacings: no plane passes by what is a spacing before it.
     let center = Local::new(1.5, 1.5, 1.0);

@@ -34,6 +34,9 @@ const HALF_WEIGHT_POINTS: f64 = 10.0;
 
 /// Edge of the cells in which samples are looked up.
 const SAMPLE_CELL_IN_FIT_RADII: f64 = 0.4;
+/// Least edge of those cells, however small the fit radius is: there is hardly more than a sample in such a cell, and samples are
+/// looked for several spacings around.
+const SMALLEST_SAMPLE_CELL_IN_SPACINGS: f64 = 0.2;
 
 /// The points of a tile, with their samples.
 #[derive(Debug)]
@@ -151,7 +154,7 @@ impl Scan {
         });
         let weights = totals.iter().map(|total| weight_of(total.count)).collect();
         Self {
-            samples: field.grid_of_edge(&means, SAMPLE_CELL_IN_FIT_RADII * fit_radius),
+            samples: field.grid_of_edge(&means, sample_cell(options)),
             quantization,
             seed,
             voxel,
@@ -195,8 +198,7 @@ impl Scan {
                 .map(|&position| self.quantization.local(position)),
         );
         self.weights.resize(means.len(), weight_of(1));
-        self.samples =
-            (self.field).grid_of_edge(&means, SAMPLE_CELL_IN_FIT_RADII * options.fit_radius);
+        self.samples = self.field.grid_of_edge(&means, sample_cell(options));
         self.filled = filled;
     }
 
@@ -302,6 +304,12 @@ impl MergedVoxels {
         }
         (Self { cells, kept }, sums)
     }
+}
+
+/// The edge of the cells in which samples are looked up (CRS units).
+fn sample_cell(options: &SolverOptions) -> f64 {
+    let smallest = SMALLEST_SAMPLE_CELL_IN_SPACINGS * options.spacing;
+    smallest.max(SAMPLE_CELL_IN_FIT_RADII * options.fit_radius)
 }
 
 /// The weight of the mean of `count` points.
