@@ -192,6 +192,33 @@ fn inputs_are_read_from_a_list_and_from_standard_input() {
 }
 
 #[test]
+fn a_street_that_is_there_is_kept() {
+    let dir = tempfile::tempdir().unwrap();
+    let simulate = |more: &[&str]| {
+        let words = [
+            "simulate", "-o", "street", "--length", "20", "--points", "1K",
+        ];
+        in_directory(dir.path(), &[&words, more].concat())
+    };
+    let scan = dir.path().join("street/pass-1.laz");
+    let seeds = ["--seed", "7", "--passes", "1", "--strays", "1%"];
+    assert!(simulate(&[]).status.success());
+    let before = fs::read(&scan).unwrap();
+    let refused = simulate(&seeds);
+    assert_eq!(refused.status.code(), Some(1));
+    let answer = said(&refused);
+    assert!(
+        answer.contains("street/pass-1.laz: exists already") && answer.contains("--overwrite"),
+        "{answer}"
+    );
+    assert!(fs::read(&scan).unwrap() == before);
+    let replaced = simulate(&[&seeds[..], &["--overwrite"]].concat());
+    assert!(replaced.status.success(), "{}", said(&replaced));
+    assert!(fs::read(&scan).unwrap() != before);
+    assert_eq!(simulate(&["--passes", "0"]).status.code(), Some(2));
+}
+
+#[test]
 fn thousands_of_files_fit_one_pattern() {
     let dir = tempfile::tempdir().unwrap();
     let options = ["--length", "20", "--points", "400", "--passes", "1"];

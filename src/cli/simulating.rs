@@ -6,10 +6,12 @@ use rayon::prelude::*;
 
 use super::{exit::DONE, printing::result};
 use crate::{
-    config::Count,
+    config::{ConfigError, Count, Share},
     geometry::Quantization,
     job::{JobError, write_file},
-    las::{CloudHeader, CloudWriter, Crs, Format, RecordFormat, RecordView, standard_length},
+    las::{
+        CloudHeader, CloudWriter, Crs, Format, LasError, RecordFormat, RecordView, standard_length,
+    },
     report::thousands,
     simulate::{SimulatedPoint, Street, StreetOptions},
 };
@@ -29,8 +31,9 @@ pub(super) struct Simulation {
     /// Standard deviation of the ranges in metres
     #[arg(long, value_name = "LENGTH", default_value_t = 0.01)]
     noise: f64,
-    /// Points that are strays (rain, echoes, beams that meet two surfaces; class 7), as a share of all points
-    #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
+    /// Points that are strays (rain, echoes, beams that meet two surfaces; class 7), as a share of all points: 1% or
+    /// 0.01
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share_or_none)]
     strays: f64,
     /// Cars and people of which each is there in one pass only (class 64)
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -38,6 +41,17 @@ pub(super) struct Simulation {
     /// Seed of the street and of the noise
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// Replace an existing street
+    #[arg(long)]
+    overwrite: bool,
+}
+
+/// Reads a share of the points that may be nought: `1%`, `0.01`, `0`.
+fn share_or_none(text: &str) -> Result<f64, String> {
+    match text.trim_end_matches('%').parse() {
+        Ok(0.0) => Ok(0.0),
+        _ => text.parse().map(|Share(share)| share),
+    }
 }
 
 /// Simulates a street, writes its scans and its description into the directory `output`, and prints
@@ -62,11 +76,12 @@ pub(super) fn write_simulation(
         && (0.0..=0.5).contains(&simulation.strays)
         && simulation.passing <= 1000;
     if !is_street {
-        return Err(JobError::Refused(
+        return Err(ConfigError::Words(
             "a street is 20 m to 1000 km long, driven down 1 to 100 times, with a noise of 0 to 1 m, up to half of \
              its points strays, and up to 1000 cars and people in passing"
                 .into(),
-        ));
+        )
+        .into());
     }
     let street = Street::new(StreetOptions {
         length: simulation.length,
@@ -77,6 +92,9 @@ pub(super) fn write_simulation(
         passing: simulation.passing,
         seed: simulation.seed,
     });
+    if !simulation.overwrite {
+        check_free(&street, output)?;
+    }
     let scans = write_street(&street, output)?;
     let path = output.join(STREET_FILE);
     let text = serde_json::to_string_pretty(street.options()).unwrap_or_default();
@@ -93,6 +111,28 @@ const STREET_FILE: &str = "street.json";
 
 /// The name of the file beside the scans with the way of the scanner.
 const TRAJECTORY_FILE: &str = "trajectory.csv";
+
+/// The path of the scan of `pass`, counted from 0, in the directory `dir`.
+fn scan_path(dir: &Path, pass: u32) -> PathBuf {
+    dir.join(format!("pass-{}.laz", pass + 1))
+}
+
+/// Checks that nothing is replaced in the directory `dir` if the scans of `street` and its description are written there.
+///
+/// # Errors
+///
+/// [`JobError::Las`] with the first file that would be.
+fn check_free(street: &Street, dir: &Path) -> Result<(), JobError> {
+    let beside = [STREET_FILE, TRAJECTORY_FILE].map(|name| dir.join(name));
+    let scans = (0..street.options().passes).map(|pass| scan_path(dir, pass));
+    match scans.chain(beside).find(|path| path.exists()) {
+        Some(path) => {
+            let problem = "exists already; give another directory, or --overwrite";
+            Err(LasError::new(&path, problem).into())
+        }
+        None => Ok(()),
+    }
+}
 
 /// Returns the street whose scans are in the directory `dir`.
 pub(super) fn street_in(dir: &Path) -> Result<Street, JobError> {
@@ -125,7 +165,7 @@ pub(super) fn write_street(street: &Street, dir: &Path) -> Result<Vec<(PathBuf, 
     let header = scan_header();
     (0..street.options().passes)
         .map(|pass| {
-            let path = dir.join(format!("pass-{}.laz", pass + 1));
+            let path = scan_path(dir, pass);
             write_pass(street, pass, &header, &path).map(|points| (path, points))
         })
         .collect()
@@ -200,4 +240,16 @@ fn record(
     record.set_gps_time(point.gps_time);
     record.set_color(point.color);
     record.into_bytes()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_share_of_strays_is_a_percentage_or_a_number_and_may_be_nought() {
+        let shares = ["1%", "0.01", "0", "0%"].map(share_or_none);
+        assert_eq!(shares, [0.01, 0.01, 0.0, 0.0].map(Ok));
+        assert!(share_or_none("-1%").is_err() && share_or_none("%").is_err());
+    }
 }

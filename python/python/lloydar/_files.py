@@ -326,6 +326,7 @@ def simulate(
     strays: float = 0.0,
     passing: int = 0,
     seed: int = 1,
+    overwrite: bool = False,
 ) -> list[Path]:
     """Writes a simulated mobile-mapping street, one LAZ file a pass.
 
@@ -347,6 +348,8 @@ def simulate(
         Cars and people of which each is there in one pass only, of class 64.
     seed : int, default 1
         Seed of the street and of the noise.
+    overwrite : bool, default False
+        Whether an existing street is replaced.
 
     Returns
     -------
@@ -355,11 +358,13 @@ def simulate(
 
     Raises
     ------
-    RequestError
+    OptionError
         If no such street can be simulated.
+    OutputError
+        If a file of the street exists already.
     """
     options = {"length": length, "points": points, "passes": passes, "noise": noise}
-    options |= {"strays": strays, "passing": passing, "seed": seed}
+    options |= {"strays": strays, "passing": passing, "seed": seed, "overwrite": overwrite}
     words = [*_words(options), f"--output={os.fspath(output)}"]
     scans = json.loads(_call("simulate", words, [], output=os.fspath(output)))
     return [Path(path) for path, _ in scans]
