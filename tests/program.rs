@@ -206,15 +206,29 @@ fn wrong_requests_are_answered_with_a_reason_and_a_code() {
             &scans,
             &output,
             &["--spacing", "0.3", "--memory", "10MiB"],
-            1,
+            2,
             "give at least",
         ),
         (
             &scans,
             &dir.path().join("out.xyz"),
             &["--spacing", "1"],
-            1,
+            2,
             ".laz, .las, .ply or .pcd",
+        ),
+        (
+            &scans,
+            &output,
+            &["--spacing", "1", "--mesh", "out.xyz"],
+            2,
+            "--mesh out.xyz: name the mesh .ply, .obj or .glb",
+        ),
+        (
+            &scans,
+            &dir.path().join("out.copc.laz"),
+            &["--spacing", "1", "--order", "progressive"],
+            2,
+            "out.copc.laz: cannot have --order progressive",
         ),
     ];
     for (input, output, more, code, message) in cases {

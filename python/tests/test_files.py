@@ -203,7 +203,7 @@ def test_files_that_cannot_be_used_are_named(street: list[Path], tmp_path: Path)
         ({"spacing": 1, "seeds": "best"}, lloydar.OptionError, "hexagonal"),
         ({"spacing": 1, "threads": 0}, lloydar.OptionError, "threads 0"),
         ({"spacing": 1, "memory": "little"}, lloydar.OptionError, "512MiB"),
-        ({"spacing": 1, "memory": "1MiB"}, lloydar.ResourceError, "memory 1 MiB is too little"),
+        ({"spacing": 1, "memory": "1MiB"}, lloydar.OptionError, "memory 1 MiB is too little"),
         ({"spacing": 1, "keep_class": 300}, lloydar.OptionError, "300"),
         ({"spacing": 1, "keep_class": [99]}, lloydar.RequestError, "leaves no point"),
         ({"spacing": 1, "crs": "EPSG:1"}, lloydar.OptionError, "EPSG:1"),

@@ -13,9 +13,9 @@ use super::{
     resources::Budget,
 };
 use crate::{
-    config::{ResourceSettings, Settings},
+    config::{ConfigError, ResourceSettings, Settings},
     las::{Format, LasError, MeshFormat, PointOrder, TileFormat, read_trajectory},
-    store::{Destination, is_remote, serialize_without_secrets},
+    store::{Destination, is_remote, serialize_without_secrets, without_secrets},
 };
 
 /// A job: which scans are resampled, how, and to which output. Its JSON is handed over to other
@@ -56,13 +56,12 @@ impl JobDescription {
     ///
     /// # Errors
     ///
-    /// [`LasError`] if the name has no ending of a known format, or has one but tiles are requested, or if
+    /// [`ConfigError::Named`] if the name has no ending of a known format, or has one but tiles are requested, or if
     /// the format has no order of points and one is requested.
-    pub(crate) fn format(&self) -> Result<Format, LasError> {
+    pub(crate) fn format(&self) -> Result<Format, ConfigError> {
         let format = self.format_by_name()?;
         match self.settings.order {
-            PointOrder::Progressive if !format.keeps_order() => Err(LasError::new(
-                &self.output,
+            PointOrder::Progressive if !format.keeps_order() => Err(self.misnamed(
                 "cannot have --order progressive: that is for .laz, .las and .ply; the octree of .copc.laz has levels \
                  without it",
             )),
@@ -70,28 +69,29 @@ impl JobDescription {
         }
     }
 
-    fn format_by_name(&self) -> Result<Format, LasError> {
+    fn format_by_name(&self) -> Result<Format, ConfigError> {
         let of_file = Format::of_path(&self.output);
         let settings = &self.settings;
         match (settings.output_tiles, of_file) {
-            (None, of_file) => of_file,
+            (None, of_file) => of_file.map_err(|error| self.misnamed(error.problem)),
             (Some(edge), Err(_))
                 if settings.tile_format == TileFormat::Pcd && edge.fract() != 0.0 =>
             {
-                Err(LasError::new(
-                    &self.output,
-                    format!(
-                        "cannot have PCD tiles of {edge} units: their index has whole numbers only; choose a whole \
-                         --output-tiles"
-                    ),
-                ))
+                Err(self.misnamed(format!(
+                    "cannot have PCD tiles of {edge} units: their index has whole numbers only; choose a whole \
+                     --output-tiles"
+                )))
             }
             (Some(_), Err(_)) => Ok(Format::Tiles(settings.tile_format)),
-            (Some(_), Ok(_)) => Err(LasError::new(
-                &self.output,
-                "is the name of a file; --output-tiles wants that of a directory",
-            )),
+            (Some(_), Ok(_)) => Err(
+                self.misnamed("is the name of a file; --output-tiles wants that of a directory")
+            ),
         }
+    }
+
+    /// The error that the name of the output does not go with the options.
+    fn misnamed(&self, problem: impl Into<String>) -> ConfigError {
+        misnamed("--output", &self.shown_output(), problem)
     }
 
     /// Whether the points of the output are sorted before they are written.
@@ -138,8 +138,8 @@ impl JobDescription {
     ///
     /// # Errors
     ///
-    /// [`JobError::Las`] if a file beside the output or its mesh cannot be created, or if the output is
-    /// a directory with other files in it.
+    /// [`JobError::Config`] if the output or its mesh cannot have its name, [`JobError::Las`] if a file beside one of them
+    /// cannot be created, or if the output is a directory with other files in it.
     pub(crate) fn check_output(&self) -> Result<Format, JobError> {
         let format = self.format()?;
         format.check_replaceable(&self.output)?;
@@ -150,24 +150,33 @@ impl JobDescription {
             }
         }
         if let Some(mesh) = &self.mesh {
-            if self.mesh_tile_edge().is_none() {
-                MeshFormat::of_path(mesh)?;
-            }
-            if is_remote(mesh) {
-                let problem = "cannot be written: a mesh is a file of this machine; copy it when it is complete";
-                return Err(LasError::new(mesh, problem).into());
-            }
+            self.check_name_of_mesh(mesh)?;
             try_beside(mesh)?;
-            if *mesh == self.output {
-                let problem = "is the name of the cloud and of its mesh; give two names";
-                return Err(LasError::new(mesh, problem).into());
-            }
         }
         let of_mesh = (self.settings.mesh.as_ref()).and_then(|mesh| mesh.trajectory.as_ref());
         if let Some(path) = of_mesh.or(self.trajectory_of_transients()) {
             read_trajectory(path)?;
         }
         Ok(format)
+    }
+
+    /// Checks that the name of the `mesh` is one of a mesh, on this machine, and not that of the output.
+    fn check_name_of_mesh(&self, mesh: &Path) -> Result<(), ConfigError> {
+        let wrong = |problem: &str| Err(misnamed("--mesh", &without_secrets(mesh), problem));
+        if self.mesh_tile_edge().is_none()
+            && let Err(error) = MeshFormat::of_path(mesh)
+        {
+            return wrong(&error.problem);
+        }
+        if is_remote(mesh) {
+            return wrong(
+                "cannot be written: a mesh is a file of this machine; copy it when it is complete",
+            );
+        }
+        if *mesh == self.output {
+            return wrong("is the name of the cloud and of its mesh; give two names");
+        }
+        Ok(())
     }
 
     /// The file with the way of the scanner, if points are left out by it.
@@ -247,6 +256,15 @@ impl JobDescription {
             identity["trajectory"] = serde_json::json!(Stamp::of(trajectory).ok());
         }
         identity
+    }
+}
+
+/// The error that the file at `path`, which `option` names, cannot have its name.
+fn misnamed(option: &'static str, path: &Path, problem: impl Into<String>) -> ConfigError {
+    ConfigError::Named {
+        option,
+        value: path.display().to_string(),
+        problem: problem.into(),
     }
 }
 

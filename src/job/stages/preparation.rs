@@ -28,6 +28,7 @@ use crate::job::{
     resources::mebibytes,
 };
 use crate::{
+    config::ConfigError,
     lloyd::Thinning,
     spacing::{Target, dominant_normals},
     tile::Spill,
@@ -115,11 +116,15 @@ pub(crate) fn join_scatter(run: &RunContext<'_>, worker: &Worker) -> Result<(), 
 fn survey_inputs(run: &RunContext<'_>) -> Result<(Survey, InputStamps), JobError> {
     let (job, budget) = (run.job, run.budget);
     if budget.total < budget.least() {
-        return Err(JobError::Resources(format!(
+        let problem = format!(
             "--memory {} is too little for any job; give at least {}",
             mebibytes(budget.total),
             mebibytes(budget.least())
-        )));
+        );
+        return Err(match job.settings.resources.memory {
+            Some(_) => ConfigError::Words(problem).into(),
+            None => JobError::Resources(problem),
+        });
     }
     let survey = Survey::of(&job.inputs, &job.settings, job.skip_bad_files)?;
     let paths = survey.inputs.iter().map(|input| input.path.as_path());
