@@ -2,7 +2,7 @@
 
 use std::{collections::HashMap, fs, path::Path};
 
-use crate::running::{lloydar, points, run, street, succeed, text};
+use crate::running::{points, run, street, succeed};
 
 /// A PCD file of 32-bit values: its header, and the values of each field, in their bits.
 struct Pcd {
@@ -244,15 +244,26 @@ fn pcd_tiles_have_the_index_that_autoware_reads() {
         !odd.status.success() && problem.contains("whole"),
         "{problem}"
     );
-    let unused = lloydar(&[
-        "run",
-        text(&scans),
-        "-o",
-        text(&flat),
-        "--spacing",
-        "1",
-        "--format",
-        "pcd",
-    ]);
-    assert_eq!(unused.status.code(), Some(2));
+}
+
+#[test]
+fn options_of_pcd_are_refused_where_none_is_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = street(dir.path());
+    for (output, options, remedy) in [
+        ("out.pcd", ["--format", "pcd"].as_slice(), "--output-tiles"),
+        ("out.laz", &["--pcd", "binary"], "name the output .pcd"),
+        (
+            "tiles",
+            &["--pcd-origin", "mgrs", "--output-tiles", "20"],
+            "--format pcd",
+        ),
+    ] {
+        let output = dir.path().join(output);
+        let unused = run(&scans, &output, &[&["--spacing", "1"], options].concat());
+        let said = String::from_utf8_lossy(&unused.stderr).into_owned();
+        assert_eq!(unused.status.code(), Some(2), "{said}");
+        assert!(said.contains(remedy), "{said}");
+        assert!(!output.exists());
+    }
 }

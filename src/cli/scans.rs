@@ -96,7 +96,7 @@ impl Scans {
             false => None,
         };
         let placement = Placement::of(output, choices.job.as_deref());
-        Ok(JobDescription {
+        let job = JobDescription {
             inputs,
             output: placement.output,
             destination: placement.destination,
@@ -108,7 +108,12 @@ impl Scans {
             keep: choices.keep_job,
             skip_bad_files: choices.on_bad_file == Some(OnBadFile::Skip),
             restart: false,
-        })
+        };
+        // A name that stands for no format is refused where the output is checked: a plan has none.
+        if let Ok(format) = job.format() {
+            choices.check_pcd(format.is_pcd())?;
+        }
+        Ok(job)
     }
 }
 

@@ -227,6 +227,23 @@ impl Choices {
         }
     }
 
+    /// Checks that the options of PCD files are given only if the output is PCD.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError::Words`] if one is given, and the output is not.
+    pub(crate) fn check_pcd(&self, is_pcd: bool) -> Result<(), ConfigError> {
+        let says_how = self.pcd.is_some() || self.pcd_origin.is_some();
+        match says_how && !is_pcd {
+            true => Err(ConfigError::Words(
+                "--pcd and --pcd-origin say how PCD is written; name the output .pcd, or give --output-tiles with --format \
+                 pcd"
+                    .into(),
+            )),
+            false => Ok(()),
+        }
+    }
+
     fn pcd_origin(&self) -> Result<PcdOrigin, ConfigError> {
         let Some(text) = &self.pcd_origin else {
             return Ok(PcdOrigin::Near);

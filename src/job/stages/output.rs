@@ -224,7 +224,7 @@ pub(crate) fn help_with_output(
 
 /// The format of records in which the largest value of a colour is to be found for the output, if it is.
 fn colors_of(solver: &TileSolver, format: Format) -> Option<&RecordFormat> {
-    (format.has_relative_colors()).then(|| solver.transfer.record())
+    (format.is_pcd()).then(|| solver.transfer.record())
 }
 
 /// The way of the records from the settled tiles to the file.

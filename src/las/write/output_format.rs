@@ -53,8 +53,8 @@ impl Format {
         matches!(self, Self::Las | Self::Laz | Self::Ply)
     }
 
-    /// Whether its colours are relative to the largest value of all.
-    pub(crate) fn has_relative_colors(self) -> bool {
+    /// Whether it is PCD, one file or tiles. Its colours are relative to the largest value of all.
+    pub(crate) fn is_pcd(self) -> bool {
         matches!(self, Self::Pcd | Self::Tiles(TileFormat::Pcd))
     }
 
