@@ -62,11 +62,12 @@ impl Inputs {
     }
 }
 
-/// Returns the name of the output for the only `input`; `None` for patterns, and paths without a name.
+/// Returns the name of the output for the only `input`; `None` for patterns, and paths without a name. What is there is a file or
+/// directory, and no pattern.
 fn output_of(input: &Path) -> Option<PathBuf> {
     let input = &without_secrets(input);
     let name = input.file_name()?.to_str()?;
-    if name.contains(['*', '?', '[']) {
+    if name.contains(['*', '?', '[']) && !input.exists() {
         return None;
     }
     let stem = match name.to_ascii_lowercase() {
@@ -98,5 +99,10 @@ mod tests {
         let scans = dir.path().join("city.2026");
         std::fs::create_dir(&scans).unwrap();
         assert_eq!(output_of(&scans), expected("city.2026.even.copc.laz"));
+        // What is there is a file, whatever its name could stand for.
+        let numbered = dir.path().join("scan[1].laz");
+        assert_eq!(output_of(&numbered), None);
+        std::fs::write(&numbered, "").unwrap();
+        assert_eq!(output_of(&numbered), expected("scan[1].even.copc.laz"));
     }
 }
