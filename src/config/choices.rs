@@ -43,7 +43,7 @@ pub(crate) enum TransientRule {
 /// Reads one text, or a list of them.
 fn texts<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Vec<String>>, D::Error> {
     #[derive(Deserialize)]
-    #[serde(untagged)]
+    #[serde(untagged, expecting = "expected a text in quotes, or a list of texts")]
     enum Texts {
         One(String),
         Several(Vec<String>),

@@ -92,7 +92,7 @@ impl FromStr for Share {
 
 /// A quantity in a file: a string, or a plain number.
 #[derive(Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected a number, or a text in quotes")]
 enum Written {
     Integer(u64),
     Real(f64),

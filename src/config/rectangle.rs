@@ -4,8 +4,6 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::quantity::read;
-
 /// A rectangle: west, south, east and north side, in CRS units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sides(pub(crate) [f64; 4]);
@@ -42,7 +40,20 @@ impl Serialize for Sides {
 
 impl<'de> Deserialize<'de> for Sides {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        read(from)
+        #[derive(Deserialize)]
+        #[serde(
+            untagged,
+            expecting = "a rectangle is four numbers, [xmin, ymin, xmax, ymax], or a text, \"xmin,ymin,xmax,ymax\""
+        )]
+        enum Written {
+            Numbers([f64; 4]),
+            Text(String),
+        }
+        let text = match Written::deserialize(from)? {
+            Written::Numbers(sides) => sides.map(|side| side.to_string()).join(","),
+            Written::Text(text) => text,
+        };
+        text.parse().map_err(serde::de::Error::custom)
     }
 }
 
@@ -55,6 +66,22 @@ mod tests {
         let sides = Ok(Sides([1.0, -2.5, 3.0, 4.0]));
         assert_eq!("1,-2.5, 3,4".parse(), sides);
         assert_eq!("([1, 3], [-2.5, 4])".parse(), sides);
+    }
+
+    #[test]
+    fn a_rectangle_in_a_file_is_four_numbers_or_a_text() {
+        #[derive(Debug, Deserialize)]
+        struct File {
+            bounds: Sides,
+        }
+        let read = |value: &str| toml::from_str::<File>(&format!("bounds = {value}"));
+        for value in ["[1, -2.5, 3, 4.0]", "\"1,-2.5,3,4\""] {
+            assert_eq!(read(value).unwrap().bounds, Sides([1.0, -2.5, 3.0, 4.0]));
+        }
+        for bad in ["[1, 2, 3]", "[3, 0, 1, 1]", "[1, 2, 3, 4, 5]", "4"] {
+            let error = read(bad).unwrap_err().to_string();
+            assert!(error.contains("xmin,ymin,xmax,ymax"), "{bad}: {error}");
+        }
     }
 
     #[test]
