@@ -218,6 +218,22 @@ fn one_process_goes_on_where_many_were_and_stitch_solves_what_is_left() {
 }
 
 #[test]
+fn a_stitch_of_changed_inputs_names_the_commands_that_begin_anew() {
+    let dir = tempfile::tempdir().unwrap();
+    let (_, job, _) = scattered(dir.path());
+    let scan = fs::File::options()
+        .append(true)
+        .open(dir.path().join("scans/pass-1.laz"))
+        .unwrap();
+    scan.set_modified(std::time::UNIX_EPOCH).unwrap();
+    let done = lloydar(&["stitch", text(&job), "--quiet"]);
+    assert_eq!(done.status.code(), Some(1), "{}", said(&done));
+    let said = said(&done);
+    let expected = "pass-1.laz has changed since the job began; `lloydar run` or `lloydar scatter` begins anew";
+    assert!(said.contains(expected), "{said}");
+}
+
+#[test]
 fn tiles_that_kill_who_solves_them_are_named() {
     let dir = tempfile::tempdir().unwrap();
     let (_, job, _) = scattered(dir.path());

@@ -5,6 +5,10 @@ use std::{io, path::Path};
 use super::source::SourceError;
 use crate::las::StoreError;
 
+/// The remedy for a job directory that cannot be used: it names the commands that have the option, because all that work in the
+/// directory say it.
+pub(crate) const BEGIN_ANEW: &str = "`lloydar run` or `lloydar scatter` begins anew with --restart, or elsewhere with another --job";
+
 /// Why temporary files cannot be written or read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -20,7 +24,7 @@ pub enum TileError {
         source: io::Error,
     },
     /// The content of a temporary file is not what was written.
-    #[error("{path} is damaged or of another version; give --restart to begin anew")]
+    #[error("{path} is damaged or of another version; {BEGIN_ANEW}")]
     Damaged {
         /// The path of the file.
         path: String,

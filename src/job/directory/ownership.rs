@@ -20,7 +20,7 @@ use super::{
     json_files::{read_json, to_json, write_among_others, write_json},
     stamp::Stamp,
 };
-use crate::job::error::JobError;
+use crate::{job::error::JobError, tile::BEGIN_ANEW};
 
 /// A job directory that this process has locked.
 #[derive(Debug)]
@@ -103,7 +103,7 @@ impl JobDirectory {
             if let Some(name) = names.iter().find(is_work)
                 && !owner_path.exists()
             {
-                let problem = format!("{name} belongs to an unknown job; {RESTART}");
+                let problem = format!("{name} belongs to an unknown job; {BEGIN_ANEW}");
                 return Err(refused(path, &problem));
             }
             let owner = Owner {
@@ -118,7 +118,7 @@ impl JobDirectory {
                 Ok(delivered.is_none() || Stamp::of(output).ok() != delivered)
             }
             Some(found) => Err(other_job(path, &found.identity, &identity)),
-            None => Err(refused(path, OTHER)),
+            None => Err(refused(path, &format!("{OTHER}; {BEGIN_ANEW}"))),
         }
     }
 
@@ -233,11 +233,9 @@ const LONGEST_WAIT: Duration = Duration::from_secs(5);
 /// Time between two tries to lock.
 const BETWEEN_TRIES: Duration = Duration::from_millis(20);
 
-/// The remedy for a directory that cannot be used.
-const RESTART: &str = "give --restart to begin anew, or choose another --job";
-/// The problem and the remedy for a directory of another job.
-const OTHER: &str = "contains a job with other inputs or settings, or inputs that have changed since; \
-                     give --restart to begin anew, or choose another --job";
+/// The problem of a directory of another job.
+const OTHER: &str =
+    "contains a job with other inputs or settings, or inputs that have changed since";
 
 /// The error of a directory of the job `found`, which is not the one that is `wanted`. An input that both have, but not
 /// alike, has changed, and is named.
@@ -252,13 +250,11 @@ fn other_job(path: &Path, found: &serde_json::Value, wanted: &serde_json::Value)
             .find(is_known)
             .is_some_and(|known| known != input)
     });
-    match changed.as_ref().and_then(|input| input[0].as_str()) {
-        Some(input) => refused(
-            path,
-            &format!("{input} has changed since the job began; {RESTART}"),
-        ),
-        None => refused(path, OTHER),
-    }
+    let problem = match changed.as_ref().and_then(|input| input[0].as_str()) {
+        Some(input) => format!("{input} has changed since the job began"),
+        None => OTHER.to_owned(),
+    };
+    refused(path, &format!("{problem}; {BEGIN_ANEW}"))
 }
 
 /// Locks the directory at `path`, which is created if it does not exist, and lists the names of the job's files in it. A process
