@@ -2,7 +2,7 @@
 
 use std::{collections::HashMap, fs, path::Path};
 
-use crate::running::{points, run, street, succeed};
+use crate::running::{points, report, run, street, succeed};
 
 /// A PCD file of 32-bit values: its header, and the values of each field, in their bits.
 struct Pcd {
@@ -244,6 +244,26 @@ fn pcd_tiles_have_the_index_that_autoware_reads() {
         !odd.status.success() && problem.contains("whole"),
         "{problem}"
     );
+}
+
+#[test]
+fn an_origin_that_is_too_far_is_noted_with_what_is_lost() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = street(dir.path());
+    let output = dir.path().join("out.pcd");
+    for (origin, loss) in [
+        ("431000,5400000,0", None),
+        ("0,0,0", Some("rounded by up to 0.2500 m")),
+    ] {
+        succeed(
+            &scans,
+            &output,
+            &["--spacing", "1", "--overwrite", "--pcd-origin", origin],
+        );
+        let notes = report(&output)["notes"].to_string();
+        assert_eq!(notes.contains("--pcd-origin"), loss.is_some(), "{notes}");
+        assert!(loss.is_none_or(|loss| notes.contains(loss)), "{notes}");
+    }
 }
 
 #[test]

@@ -25,6 +25,7 @@ pub(crate) mod mesh_tiles;
 mod no_points;
 mod ordered_points;
 pub(crate) mod output;
+mod pcd_precision;
 pub(crate) mod plan;
 pub(crate) mod planned_job;
 pub(crate) mod preparation;

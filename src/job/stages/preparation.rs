@@ -10,6 +10,7 @@ use super::{
     density::spacing_rules,
     input_counts::input_counts,
     no_points::no_points,
+    pcd_precision::note_on_pcd,
     plan::{JobPlan, plan_tiles},
     planned_job::PlannedJob,
     scatter::{SpillReaders, scatter_readable},
@@ -129,7 +130,7 @@ fn survey_inputs(run: &RunContext<'_>) -> Result<(Survey, InputStamps), JobError
     let survey = Survey::of(&job.inputs, &job.settings, job.skip_bad_files)?;
     let paths = survey.inputs.iter().map(|input| input.path.as_path());
     job.check_inputs_stay(paths)?;
-    for note in &survey.notes {
+    for note in survey.notes.iter().chain(&note_on_pcd(job, &survey)) {
         run.progress.note(note);
     }
     let left_out = survey.left_out.iter().map(|bad| PathBuf::from(&bad.path));

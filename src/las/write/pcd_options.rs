@@ -43,6 +43,15 @@ const NEAR_STEP: f64 = 1000.0;
 const MGRS_SQUARE: f64 = 100_000.0;
 
 impl PcdOrigin {
+    /// The largest error (CRS units) of the coordinates of points from `min` to `max` that are written with this origin.
+    pub(crate) fn largest_rounding(self, min: [f64; 3], max: [f64; 3]) -> f64 {
+        let origin = self.of(min, max);
+        let distances = (0..3).flat_map(|axis| [min, max].map(|c| (c[axis] - origin[axis]).abs()));
+        let farthest = distances.fold(0.0, f64::max);
+        // Half of the step between numbers of 24 bits that are so large.
+        (farthest.log2().floor() - 24.0).exp2()
+    }
+
     /// The origin for points from `min` to `max` (CRS units).
     pub(super) fn of(self, min: [f64; 3], max: [f64; 3]) -> [f64; 3] {
         let middle = [0, 1, 2].map(|axis| 0.5 * (min[axis] + max[axis]));
@@ -77,5 +86,15 @@ mod tests {
         assert_eq!(PcdOrigin::Mgrs.of(min, max), [400_000.0, 5_300_000.0, 0.0]);
         assert_eq!(PcdOrigin::At([1.0; 3]).of(min, max), [1.0; 3]);
         assert_eq!(PcdOrigin::Near.of([-5.0; 3], [9000.0; 3]), [0.0; 3]);
+    }
+
+    #[test]
+    fn the_largest_rounding_is_half_the_step_of_the_farthest_coordinate() {
+        for far in [1.0, 130.0, 8191.5, 8192.0, 5_400_050.0_f32] {
+            let step = f64::from(far.next_up()) - f64::from(far);
+            let rounding = PcdOrigin::At([0.0; 3]).largest_rounding([-0.5; 3], [far.into(); 3]);
+            assert_eq!(rounding, step / 2.0, "{far}");
+        }
+        assert_eq!(PcdOrigin::Near.largest_rounding([0.0; 3], [0.0; 3]), 0.0);
     }
 }
