@@ -117,6 +117,44 @@ fn bad_files_stop_a_job_by_name_or_are_left_out_by_name() {
 }
 
 #[test]
+fn a_header_that_states_too_few_points_is_noted() {
+    let dir = tempfile::tempdir().unwrap();
+    let (las, laz) = (dir.path().join("in.las"), dir.path().join("in.laz"));
+    let sheet = |n: i32| [n % 400 * 50, n / 400 * 50, 0];
+    for path in [&las, &laz] {
+        cloud(path, (0..150_000).map(sheet));
+    }
+    let layered = street(dir.path()).join("pass-1.laz");
+    let output = dir.path().join("out.laz");
+    // The number of points in the header: four bytes, or, of LAS 1.4, eight elsewhere.
+    for (path, at, points) in [
+        (&las, 107, 150_000_u32),
+        (&laz, 107, 150_000),
+        (&layered, 247, 150_000),
+    ] {
+        let mut bytes = fs::read(path).unwrap();
+        assert_eq!(bytes[at..at + 4], points.to_le_bytes());
+        let run_with_notes = || {
+            succeed(path, &output, &["--spacing", "0.8", "--overwrite"]);
+            let report = report(&output);
+            (
+                report["inputs"][0]["read"].clone(),
+                report["notes"].to_string(),
+            )
+        };
+        let (read, notes) = run_with_notes();
+        assert_eq!(read, points);
+        assert!(!notes.contains("has room for"), "{notes}");
+        bytes[at..at + 4].copy_from_slice(&60_000_u32.to_le_bytes());
+        fs::write(path, bytes).unwrap();
+        let (read, notes) = run_with_notes();
+        assert_eq!(read, 60_000);
+        let expected = "has room for 150000 points, and its header states 60000;";
+        assert!(notes.contains(expected), "{notes}");
+    }
+}
+
+#[test]
 fn an_input_is_never_replaced() {
     let dir = tempfile::tempdir().unwrap();
     let scans = street(dir.path());

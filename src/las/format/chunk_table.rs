@@ -57,6 +57,21 @@ pub(in crate::las) enum CompressedChunks {
     Alike(Vec<Chunk>),
 }
 
+/// What is known of the chunks of a file, and of the points that are in them.
+pub(in crate::las) struct CheckedChunks {
+    pub(in crate::las) chunks: CompressedChunks,
+    /// The number of points for which all chunks have room, if it is known to be larger than the header states.
+    pub(in crate::las) room: Option<u64>,
+}
+
+impl CheckedChunks {
+    /// Chunks of which nothing is known.
+    pub(super) const UNKNOWN: Self = Self {
+        chunks: CompressedChunks::Unknown,
+        room: None,
+    };
+}
+
 /// What the record of the compression says.
 struct Compression {
     compressor: u16,
@@ -118,7 +133,7 @@ struct CompressedPoints {
 
 /// Checks what compressed points say of themselves: how long they are, how many chunks
 /// the table has, and the lengths of the layers of every chunk. Returns the chunks, if
-/// they have layers and differ in length.
+/// they have layers and differ in length, and whether there are more than the points need.
 ///
 /// Chunks of a remote file are those of its table: to look at each of them would take a request. Their layers are
 /// checked when they are decoded, by [`check_layers`].
@@ -131,7 +146,7 @@ pub(super) fn check_compressed_points(
     source: &Source,
     header: &raw::Header,
     record: &[u8],
-) -> Result<CompressedChunks, String> {
+) -> Result<CheckedChunks, String> {
     let compression = Compression::read(record)?;
     let record_length = u64::from(header.point_data_record_length);
     if compression.point_length != record_length || record_length == 0 {
@@ -149,29 +164,34 @@ pub(super) fn check_compressed_points(
         chunk_size: compression.chunk_size,
     };
     if compression.compressor == ONE_STREAM || points.claimed == 0 {
-        return Ok(CompressedChunks::Unknown);
+        return Ok(CheckedChunks::UNKNOWN);
     }
     let table = points.find_table(file, source).map_err(unreadable)?;
     if let Some(table) = table {
         points.check_table(table)?;
     }
     let layers = layer_count(header)?;
-    if let Some(table) = table.filter(|_| source.is_remote()) {
-        let chunks = points.read_table(file, table, record)?;
-        return Ok(match layers {
-            Some(_) => CompressedChunks::Layered(chunks),
-            None => CompressedChunks::Alike(chunks),
-        });
-    }
-    let Some(layers) = layers else {
-        return Ok(CompressedChunks::Unknown);
+    let mut room = table.and_then(|table| points.room_by(table));
+    let chunks = match (layers, table) {
+        (layers, Some(table)) if source.is_remote() => {
+            let chunks = points.read_table(file, table, record)?;
+            match layers {
+                Some(_) => CompressedChunks::Layered(chunks),
+                None => CompressedChunks::Alike(chunks),
+            }
+        }
+        (None, _) => CompressedChunks::Unknown,
+        (Some(layers), table) => {
+            let end = table.map_or(source.bytes(), |table| table.offset);
+            let (chunks, found) = points.walk_chunks(file, layers, end)?;
+            room = table.and(found);
+            match points.chunk_size == VARIABLE_CHUNK_SIZE {
+                true => CompressedChunks::Layered(chunks),
+                false => CompressedChunks::Unknown,
+            }
+        }
     };
-    let end = table.map_or(source.bytes(), |table| table.offset);
-    let chunks = points.walk_chunks(file, layers, end)?;
-    Ok(match points.chunk_size == VARIABLE_CHUNK_SIZE {
-        true => CompressedChunks::Layered(chunks),
-        false => CompressedChunks::Unknown,
-    })
+    Ok(CheckedChunks { chunks, room })
 }
 
 /// Checks that the layers of `chunk`, of points in this `format`, are as long as the chunk, before a decoder makes room
@@ -300,6 +320,14 @@ impl CompressedPoints {
         Ok(())
     }
 
+    /// The points for which chunks of one size have room, if the `table` has more of them than the points need.
+    fn room_by(&self, table: TableClaim) -> Option<u64> {
+        let chunks = u64::from(table.chunks);
+        let is_fixed = self.chunk_size != VARIABLE_CHUNK_SIZE;
+        (is_fixed && chunks > self.claimed.div_ceil(self.chunk_size))
+            .then_some(chunks * self.chunk_size)
+    }
+
     /// The chunks as the `table` has them, by the `record` of the compression.
     fn read_table(
         &self,
@@ -347,13 +375,14 @@ impl CompressedPoints {
         }
     }
 
-    /// Goes from chunk to chunk up to the byte `end`, and returns them if their sizes differ.
+    /// Goes from chunk to chunk up to the byte `end`. Returns them if their sizes differ, and the number of points that
+    /// are in all chunks if it is larger than the header states.
     fn walk_chunks(
         &self,
         file: &mut BufReader<SourceReader>,
         layers: usize,
         end: u64,
-    ) -> Result<Vec<Chunk>, String> {
+    ) -> Result<(Vec<Chunk>, Option<u64>), String> {
         let (mut offset, mut points) = (self.start + TABLE_OFFSET_BYTES, 0);
         let mut chunks = Vec::new();
         while points < self.claimed && offset < end {
@@ -378,10 +407,18 @@ impl CompressedPoints {
             points += head.points;
             offset = head.end;
         }
-        match points < self.claimed {
-            true => Err(self.too_few(points)),
-            false => Ok(chunks),
+        if points < self.claimed {
+            return Err(self.too_few(points));
         }
+        // What stands behind the points that are read need not be chunks: these end where the table begins.
+        while offset < end
+            && let Ok(head) = ChunkHead::read(file, offset, self.record_length, layers)
+        {
+            points += head.points;
+            offset = head.end;
+        }
+        let has_more = offset == end && points > self.claimed;
+        Ok((chunks, has_more.then_some(points)))
     }
 
     fn too_few(&self, most: u64) -> String {

@@ -13,7 +13,7 @@ use std::{
 use ::las::raw;
 
 use super::{
-    chunk_table::{COMPRESSED_BIT, CompressedChunks, check_compressed_points},
+    chunk_table::{COMPRESSED_BIT, CheckedChunks, check_compressed_points},
     vlr::{VLR_HEAD_BYTES, check_records},
 };
 use crate::{
@@ -44,7 +44,7 @@ pub(in crate::las) struct CheckedHeader {
     /// The public header block.
     pub(in crate::las) header: raw::Header,
     /// The chunks of the points, as far as they have to be known.
-    pub(in crate::las) chunks: CompressedChunks,
+    pub(in crate::las) chunks: CheckedChunks,
 }
 
 impl CheckedHeader {
@@ -74,7 +74,7 @@ impl CheckedHeader {
             .map_err(|e| wrong(format!("has no readable header: {e}")))?;
         check_announcements(&header, bytes).map_err(wrong)?;
         let compression = check_records(&mut file, &header).map_err(wrong)?;
-        let mut chunks = CompressedChunks::Unknown;
+        let mut chunks = CheckedChunks::UNKNOWN;
         if header.point_data_record_format & COMPRESSED_BIT != 0 {
             let compression = compression.ok_or_else(|| {
                 wrong("is damaged: points are compressed, but no record says how".into())

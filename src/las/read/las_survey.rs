@@ -15,7 +15,7 @@ use super::{
 use crate::las::{
     error::LasError,
     format::{
-        chunk_table::{Chunk, CompressedChunks},
+        chunk_table::{CheckedChunks, Chunk, CompressedChunks},
         crs::Crs,
         extra_bytes::{DESCRIPTOR_BYTES, ExtraAttribute, total_length},
         header::CheckedHeader,
@@ -35,6 +35,7 @@ impl InputFile {
     /// If the file is none, cannot be read, or its headers contradict its length.
     pub(super) fn survey_las(source: Source) -> Result<Self, LasError> {
         let CheckedHeader { header, chunks } = CheckedHeader::read(&source)?;
+        let CheckedChunks { chunks, room } = chunks;
         let mut input = Self::of_header(source, &header)?;
         let mut reader = open_las(&input.source, &[])?;
         let las = reader.header().clone();
@@ -48,6 +49,14 @@ impl InputFile {
         let vlrs: Vec<&Vlr> = las.all_vlrs().chain(&extended).collect();
         input.take_records(&vlrs);
         input.check_room()?;
+        let room = room.or_else(|| input.room_for_more(&header));
+        input.notes.extend(room.map(|room| {
+            let claimed = input.points_claimed;
+            format!(
+                "has room for {room} points, and its header states {claimed}; those beyond are not read, unless the \
+                 header is repaired"
+            )
+        }));
         if input.points_claimed == 0 {
             input.notes.push("has no points".into());
         } else {
@@ -143,6 +152,22 @@ impl InputFile {
             )),
             false => Ok(()),
         }
+    }
+
+    /// The points for which an uncompressed file has room before its extended records and wave packets, if they are
+    /// more than its `header` states.
+    fn room_for_more(&self, header: &raw::Header) -> Option<u64> {
+        if self.format.is_compressed {
+            return None;
+        }
+        let records = header.evlr.map(|evlr| evlr.start_of_first_evlr);
+        let behind = records
+            .into_iter()
+            .chain(header.start_of_waveform_data_packet_record)
+            .filter(|&start| start >= self.points_start);
+        let end = behind.fold(self.bytes, u64::min);
+        let room = (end - self.points_start) / u64::from(self.format.len());
+        (room > self.points_claimed).then_some(room)
     }
 
     /// The points of a chunk of LAZ, if all chunks are alike and `reader` can seek to the
