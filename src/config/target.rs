@@ -62,7 +62,7 @@ impl Choices {
         let problems = [
             (
                 self.mesh.is_some(),
-                "--mesh makes triangles of one size, and the spacing follows rules; leave out --mesh, or give one --spacing",
+                "--mesh makes triangles of one size, and the spacing follows rules; leave out --mesh, or --density and --spacing-of",
             ),
             (
                 !self.accelerate.unwrap_or_default().has_rounds(),
