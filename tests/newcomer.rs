@@ -219,6 +219,25 @@ fn a_street_that_is_there_is_kept() {
 }
 
 #[test]
+fn one_point_is_a_point() {
+    let dir = tempfile::tempdir().unwrap();
+    let words = [
+        "simulate", "-o", "street", "--length", "20", "--points", "1", "--passes", "1",
+    ];
+    let done = in_directory(dir.path(), &words);
+    let printed = String::from_utf8_lossy(&done.stdout).into_owned();
+    assert_eq!(printed, "1 point: street/pass-1.laz\n");
+    let words = ["run", "street", "-o", "even.laz", "--spacing", "1"];
+    let done = in_directory(dir.path(), &words);
+    let all = format!("{}{}", String::from_utf8_lossy(&done.stdout), said(&done));
+    assert!(all.contains("about 1 point out of 1"), "{all}");
+    assert!(
+        !all.contains("1 points") && !all.contains("1 tiles"),
+        "{all}"
+    );
+}
+
+#[test]
 fn thousands_of_files_fit_one_pattern() {
     let dir = tempfile::tempdir().unwrap();
     let options = ["--length", "20", "--points", "400", "--passes", "1"];

@@ -19,7 +19,7 @@ use super::{
 use crate::{
     config::Bytes,
     job::{ClaimedGroup, JobDescription, JobError, JobStatus, Worker},
-    report::thousands,
+    report::{counted, thousands},
 };
 
 /// When a process takes over the work of others.
@@ -90,10 +90,8 @@ pub(super) fn scatter(
     }
     match job.hand_over(&worker, &terminal, &CANCEL)? {
         Some(plan) => {
-            let tiles = plan.plan.tiles.len() as u64;
-            let are = if tiles == 1 { "tile is" } else { "tiles are" };
-            let (tiles, dir) = (thousands(tiles), job.dir.display());
-            result!("{tiles} {are} ready to be solved in {dir}");
+            let tiles = counted(plan.plan.tiles.len() as u64, "tile");
+            result!("{tiles} ready to be solved in {}", job.dir.display());
         }
         None => result!("{} is complete already", output.display()),
     }
@@ -150,11 +148,11 @@ pub(super) fn print_status(dir: &Path, json: bool) -> Result<u8, JobError> {
     }
     let members = match status.scattered {
         Some([done, all]) => {
-            result!("{done} of {all} groups of scans scattered");
+            result!("{done} of {} of scans scattered", counted(all, "group"));
             "group"
         }
         None => {
-            let (solved, tiles) = (thousands(status.solved), thousands(status.tiles));
+            let (solved, tiles) = (thousands(status.solved), counted(status.tiles, "tile"));
             let remaining = match status.remaining_seconds {
                 Some(seconds) if status.solved < status.tiles => {
                     format!("; approx. {} left", duration(seconds))
@@ -163,19 +161,19 @@ pub(super) fn print_status(dir: &Path, json: bool) -> Result<u8, JobError> {
             };
             if let Some(started) = status.started.filter(|&started| started < status.tiles) {
                 result!(
-                    "{} of {tiles} tiles have done the first round",
+                    "{} of {tiles} done with the first round",
                     thousands(started)
                 );
             }
             let share = 100.0 * status.share;
-            result!("{solved} of {tiles} tiles solved, {share:.0} % of the work{remaining}");
+            result!("{solved} of {tiles} solved, {share:.0} % of the work{remaining}");
             "tiles"
         }
     };
     print_claimed(members, &status.claimed);
     for work in &status.stitch {
         let ([complete, all], name) = (work.groups, &work.work);
-        result!("stitch: {complete} of {all} groups {name}");
+        result!("stitch: {complete} of {} {name}", counted(all, "group"));
         print_claimed("group", &work.claimed);
     }
     Ok(DONE)

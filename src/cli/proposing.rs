@@ -8,7 +8,7 @@ use super::scans::{Scans, length_unit};
 use crate::{
     config::{Choices, Length},
     job::{JobDescription, JobError, JobPlan, Progress},
-    report::thousands,
+    report::{counted, thousands},
     spacing::{RoundSpacing, RoundSpacings, Target},
 };
 
@@ -119,9 +119,9 @@ fn reason(spacings: &RoundSpacings, proposed: RoundSpacing, unit: &str) -> Strin
         false => "the widest round one, because the scan has so few points".to_owned(),
     };
     format!(
-        "spacing {spacing} {unit}, proposed because none was given: {rule} (about {} points out of {}, {to_one:.0} to \
+        "spacing {spacing} {unit}, proposed because none was given: {rule} (about {} out of {}, {to_one:.0} to \
          one); --spacing, --count or --ratio ask for another, `lloydar plan` lists some",
-        thousands(points_out),
+        counted(points_out, "point"),
         thousands(spacings.points),
     )
 }

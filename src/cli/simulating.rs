@@ -12,7 +12,7 @@ use crate::{
     las::{
         CloudHeader, CloudWriter, Crs, Format, LasError, RecordFormat, RecordView, standard_length,
     },
-    report::thousands,
+    report::counted,
     simulate::{SimulatedPoint, Street, StreetOptions},
 };
 
@@ -58,7 +58,7 @@ fn share_or_none(text: &str) -> Result<f64, String> {
 /// the scans.
 pub(super) fn simulate(simulation: &Simulation, output: &Path) -> Result<u8, JobError> {
     for (path, points) in write_simulation(simulation, output)? {
-        result!("{} points: {}", thousands(points), path.display());
+        result!("{}: {}", counted(points, "point"), path.display());
     }
     Ok(DONE)
 }

@@ -12,7 +12,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::printing::say;
 use crate::{
     job::{Progress, Standing, Unit},
-    report::{stage_title, thousands},
+    report::{counted, stage_title, thousands},
 };
 
 /// How progress is shown.
@@ -128,13 +128,11 @@ impl Stage {
     /// number that is done.
     fn total_of_units(&self) -> String {
         let total = self.total.max(self.done);
-        let unit = match (self.unit, total) {
-            (Unit::Points, 1) => "point",
-            (Unit::Points, _) => "points",
-            (Unit::Tiles, 1) => "tile",
-            (Unit::Tiles, _) => "tiles",
+        let unit = match self.unit {
+            Unit::Points => "point",
+            Unit::Tiles => "tile",
         };
-        format!("{} {unit}", thousands(total))
+        counted(total, unit)
     }
 
     /// Returns how much is done, and how fast.

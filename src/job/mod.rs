@@ -25,6 +25,7 @@ mod directory;
 mod error;
 mod measure;
 mod mesh_levels;
+mod numbers;
 mod outcome;
 mod placement;
 mod progress;
@@ -39,6 +40,8 @@ pub(crate) use description::{JobDescription, memory_budget};
 pub(crate) use directory::write_file;
 pub use error::JobError;
 pub(crate) use measure::{Measured, measure, measure_against_surface};
+#[cfg(feature = "report")]
+pub(crate) use numbers::{counted, thousands};
 pub use outcome::Outcome;
 pub(crate) use outcome::{MeshLevel, ReportedLevels};
 pub(crate) use placement::Placement;

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{numbers::thousands, squares::AreaMap};
+use super::{numbers::counted, squares::AreaMap};
 use crate::{job::Outcome, lloyd::IsolatedRule};
 
 /// The isolated returns of a job, whatever became of them.
@@ -51,10 +51,10 @@ impl IsolatedReturns {
     /// Returns how many there were and what became of them, in words.
     pub(super) fn in_words(&self) -> String {
         let became = match self.rule {
-            IsolatedRule::Keep => "kept; --isolated drop leaves them out",
+            IsolatedRule::Keep => "kept; left out with --isolated drop",
             IsolatedRule::Drop => "left out",
             IsolatedRule::Mark => "marked by class 7",
         };
-        format!("{} returns, {became}", thousands(self.count))
+        format!("{}, {became}", counted(self.count, "return"))
     }
 }

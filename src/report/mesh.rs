@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::{
     chart,
     html::{escape, table},
-    numbers::thousands,
+    numbers::{counted, thousands},
 };
 use crate::{job::MeshLevel, mesh::MeshFigures};
 
@@ -100,17 +100,17 @@ impl MeshReport {
         };
         let cut = match self.cut {
             0 => String::new(),
-            triangles => format!(", {} triangles cut out", thousands(triangles)),
+            triangles => format!(", {} cut out", counted(triangles, "triangle")),
         };
         let clutter = match self.clutter {
             0 => String::new(),
             triangles => format!(", {} left out as clutter", thousands(triangles)),
         };
         format!(
-            "{} triangles{angles}; {} border edges, {} components{cut}{clutter}: {}",
-            thousands(self.triangles),
-            thousands(self.border_edges),
-            thousands(self.components),
+            "{}{angles}; {}, {}{cut}{clutter}: {}",
+            counted(self.triangles, "triangle"),
+            counted(self.border_edges, "border edge"),
+            counted(self.components, "component"),
             self.file
         )
     }

@@ -24,7 +24,7 @@ mod viewer;
 mod wording;
 
 pub(crate) use contents::Report;
-pub(crate) use numbers::{figure, thousands};
+pub(crate) use numbers::{counted, figure, thousands};
 pub(crate) use viewer::VIEWER_PAGE;
 pub(crate) use wording::stage_title;
 

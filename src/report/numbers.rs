@@ -1,17 +1,6 @@
 //! Numbers for people.
 
-/// Returns `1234567` as `1 234 567`.
-pub(crate) fn thousands(number: u64) -> String {
-    let digits = number.to_string();
-    let mut out = String::new();
-    for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            out.push(' ');
-        }
-        out.push(digit);
-    }
-    out
-}
+pub(crate) use crate::job::{counted, thousands};
 
 /// Returns a figure with four digits, or a dash for a figure that does not exist.
 pub(crate) fn figure(value: f64) -> String {

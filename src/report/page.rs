@@ -8,7 +8,7 @@ use super::{
     levels::levels,
     map,
     mesh::MeshReport,
-    numbers::thousands,
+    numbers::counted,
     scenes::{before_and_after, overview, worst},
     tile_map::tile_map,
     verdict::verdicts,
@@ -26,9 +26,9 @@ impl Report {
             "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">\
              <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
              <title>lloydar report</title><style>{STYLE}</style></head><body><main>\
-             <h1>{} points, {}</h1><p class=\"soft\">{} · lloydar {}</p>\
+             <h1>{}, {}</h1><p class=\"soft\">{} · lloydar {}</p>\
              <div class=\"cards\">{}</div>{body}</main></body></html>\n",
-            thousands(self.run.points),
+            counted(self.run.points, "point"),
             self.run.apart(self.length_unit),
             escape(&self.run.output),
             self.run.version,

@@ -2,7 +2,7 @@
 
 use super::{
     contents::Report,
-    numbers::{mebibytes, thousands},
+    numbers::{counted, mebibytes},
     transients,
     verdict::verdicts,
     wording::stage_title,
@@ -15,8 +15,8 @@ impl Report {
     /// Returns a few lines for a terminal.
     pub(crate) fn summary(&self) -> String {
         let mut text = format!(
-            "{} points, {}: {}\n",
-            thousands(self.run.points),
+            "{}, {}: {}\n",
+            counted(self.run.points, "point"),
             self.run.apart(self.length_unit),
             self.run.output
         );

@@ -2,7 +2,7 @@
 
 use super::{
     contents::TileRow,
-    numbers::{figure, thousands},
+    numbers::{counted, figure, thousands},
 };
 
 /// The longer side of the map, in units of the drawing.
@@ -37,14 +37,14 @@ pub(super) fn tile_map(tiles: &[TileRow]) -> String {
         };
         format!(
             "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" \
-             fill=\"hsl({hue:.0} 60% 50%)\"><title>tile {}: δ {}, {} points from {}, {:.1} s</title></rect>",
+             fill=\"hsl({hue:.0} 60% 50%)\"><title>tile {}: δ {}, {} from {}, {:.1} s</title></rect>",
             (tile.min[0] - west) * scale,
             (north - tile.max[1]) * scale,
             (tile.max[0] - tile.min[0]) * scale,
             (tile.max[1] - tile.min[1]) * scale,
             tile.id,
             figure(tile.delta),
-            thousands(tile.sites),
+            counted(tile.sites, "point"),
             thousands(tile.points),
             tile.seconds
         )

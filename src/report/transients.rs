@@ -1,6 +1,6 @@
 //! What one pass of the scanner saw and others looked through, in words.
 
-use super::numbers::thousands;
+use super::numbers::counted;
 use crate::transients::TransientCounts;
 
 /// Returns how much of it was left out.
@@ -13,9 +13,9 @@ pub(super) fn in_words(counts: TransientCounts) -> String {
         }
         0 => "nothing was seen by one pass that others looked through".to_owned(),
         things => format!(
-            "{} points of {} things that one pass saw and others looked through, left out",
-            thousands(counts.points),
-            thousands(things)
+            "{} of {} that one pass saw and others looked through, left out",
+            counted(counts.points, "point"),
+            counted(things, "thing")
         ),
     }
 }

@@ -3,7 +3,7 @@
 
 use super::{
     contents::Report,
-    numbers::{figure, thousands},
+    numbers::{counted, figure, thousands},
 };
 use crate::quality::Uniformity;
 
@@ -163,11 +163,11 @@ fn complete(report: &Report) -> Verdict {
     .filter(|(count, _)| *count > 0)
     .map(|(count, reason)| format!(", {} {reason}", thousands(*count)))
     .collect();
-    let (read, written) = (thousands(read), thousands(report.run.points));
+    let (read, written) = (counted(read, "point"), thousands(report.run.points));
     verdict(
         "complete?",
         rejected == 0 && outside == 0 && left_out == 0,
-        format!("{read} points read{missing}; {written} written"),
+        format!("{read} read{missing}; {written} written"),
     )
 }
 

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::{
     contents::Report,
     html::{STYLE, escape},
-    numbers::thousands,
+    numbers::{counted, thousands},
 };
 use crate::views::{ViewerPoint, ViewerSample};
 
@@ -165,10 +165,10 @@ fn shown_of_input(sample: &ViewerSample) -> String {
 
 /// Returns how many points of the output are shown, with their triangles if there are any.
 fn shown_of_output(sample: &ViewerSample) -> String {
-    let points = format!("{} points", thousands(sample.after.len() as u64));
+    let points = counted(sample.after.len() as u64, "point");
     match sample.triangles.len() as u64 {
         0 => points,
-        triangles => format!("{points}, {} triangles", thousands(triangles)),
+        triangles => format!("{points}, {}", counted(triangles, "triangle")),
     }
 }
 

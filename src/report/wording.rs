@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::numbers::mebibytes;
+use super::numbers::{counted, mebibytes};
 
 /// Returns what a stage does in a word. The names in the JSON of reports and logs are older.
 pub(crate) fn stage_title(stage: &str) -> &str {
@@ -25,7 +25,7 @@ pub(super) fn setting(name: &str, value: &str) -> [String; 2] {
         ("fill", Value::Number(width)) if width.as_f64() == Some(0.0) => "no holes".to_owned(),
         ("density", Value::Object(density)) => {
             let rules = density.get("rules").and_then(Value::as_array);
-            format!("by {} rules", rules.map_or(0, Vec::len))
+            format!("by {}", counted(rules.map_or(0, Vec::len) as u64, "rule"))
         }
         ("crs", Value::Object(_)) => "as given by --crs".to_owned(),
         (_, Value::Null) => default_of(name).to_owned(),

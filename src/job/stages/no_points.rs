@@ -2,7 +2,7 @@
 
 use super::survey::Survey;
 use crate::{
-    job::error::JobError,
+    job::{error::JobError, numbers::counted},
     las::{PointCounts, PointFilter},
     tile::Spill,
 };
@@ -59,8 +59,9 @@ pub(super) fn no_points(survey: &Survey, spill: &Spill) -> JobError {
 /// The error that says that all of the `isolated` returns, which were to be left out, are all that there is.
 pub(super) fn all_isolated(isolated: u64, spacing: f64) -> JobError {
     JobError::Refused(format!(
-        "all {isolated} points that the output would have are isolated returns, and --isolated drop leaves them out; the \
-         scan is too sparse for a spacing of {spacing}: give a wider one, or --isolated keep"
+        "all {} that the output would have are isolated returns, and --isolated drop leaves them out; the \
+         scan is too sparse for a spacing of {spacing}: give a wider one, or --isolated keep",
+        counted(isolated, "point")
     ))
 }
 

@@ -19,6 +19,7 @@ use crate::{
         context::RunContext,
         directory::{Scratch, SolvedTiles},
         error::JobError,
+        numbers::{counted, thousands},
         outcome::{Outcome, ReportedLevels, RunCosts, WrittenCloud},
         progress::{Progress, Unit},
         tile_figures::TileFigures,
@@ -280,8 +281,9 @@ fn missed_count(solver: &TileSolver, points: u64) -> Option<String> {
     };
     (points.abs_diff(wanted.sites) as f64 > allowed).then(|| {
         format!(
-            "{name}{points} points instead of {}: there are not enough places where points could come or leave",
-            wanted.sites
+            "{name}{} instead of {}: there are not enough places where points could come or leave",
+            counted(points, "point"),
+            thousands(wanted.sites)
         )
     })
 }

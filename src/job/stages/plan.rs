@@ -14,6 +14,7 @@ use crate::{
     job::{
         directory::{DiskNeed, bytes_in, check_room, directory_of, is_of_tiles},
         error::JobError,
+        numbers::counted,
         progress::Progress,
         resources::{mebibytes, peak_resident, resident},
     },
@@ -115,10 +116,7 @@ pub(super) fn plan_tiles(
     let needed = held.max(budget.held_with(resident().unwrap_or(0), tiles));
     run.progress.note(&format!(
         "{}{}; memory up to {} of {}, temporary files up to {}",
-        match plan.tiles.len() {
-            1 => "1 tile".to_owned(),
-            tiles => format!("{tiles} tiles"),
-        },
+        counted(plan.tiles.len() as u64, "tile"),
         if has_two_rounds { " in two rounds" } else { "" },
         mebibytes(needed),
         mebibytes(run.budget.total),

@@ -3,7 +3,10 @@
 use super::{input_counts::InputCount, survey::Survey, tile_solver::TileSolver};
 use crate::{
     config::{MeshSettings, Settings},
-    job::directory::JobDirectory,
+    job::{
+        directory::JobDirectory,
+        numbers::{counted, thousands},
+    },
     las::InputFile,
 };
 
@@ -45,9 +48,10 @@ impl PlannedJob {
         let outside = self.inputs.iter().filter(|input| input.outside > 0);
         let damaged = outside.map(|input| {
             format!(
-                "{}: {} of its {} points lie outside of the bounds that its header states; the \
-                 header or the points are damaged",
-                input.path, input.outside, input.read
+                "{}: {} of {} outside of the bounds that its header states; the header or the points are damaged",
+                input.path,
+                thousands(input.outside),
+                counted(input.read, "point")
             )
         });
         damaged.collect()

@@ -2,7 +2,11 @@
 
 use super::scattered_cloud::ScatteredCloud;
 use crate::{
-    job::{error::JobError, progress::Progress},
+    job::{
+        error::JobError,
+        numbers::{counted, thousands},
+        progress::Progress,
+    },
     spacing::{MAX_SITES_PER_POINT, SpacingError, resolve},
     tile::TileError,
 };
@@ -25,10 +29,10 @@ pub(super) fn choose_spacing(cloud: &ScatteredCloud<'_>) -> Result<(f64, u64), J
     let chosen = resolve(spill, quantization, &settings.solver, settings.target);
     let chosen = chosen.map_err(refusal)?;
     cloud.run.progress.note(&format!(
-        "spacing {:.4}, about {} points out of {}",
+        "spacing {:.4}, about {} out of {}",
         chosen.0,
-        chosen.1,
-        spill.points()
+        counted(chosen.1, "point"),
+        thousands(spill.points())
     ));
     cloud.directory.write(SPACING_FILE, &chosen)?;
     Ok(chosen)

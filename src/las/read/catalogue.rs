@@ -86,7 +86,7 @@ pub(super) fn files_in(path: &Path, filter: &PointFilter) -> Result<Vec<PathBuf>
     match (items.is_empty(), wanted.is_empty()) {
         (true, _) => Err(wrong("lists no file".into())),
         (false, true) => Err(wrong(format!(
-            "none of its {} files has points in the bounds or the polygon that were asked for{}",
+            "lists no file with points in the bounds or the polygon that were asked for, of {} in all{}",
             items.len(),
             extent(&items)
         ))),
@@ -260,7 +260,7 @@ mod tests {
         let far = catalogue(&[item("a.laz", "[0, 0, 1, 1]", 1)]);
         let error = files(&far, Some([5.0, 5.0, 6.0, 6.0])).unwrap_err();
         assert!(
-            error.contains("none of its 1 files") && error.contains("x 0 to 1"),
+            error.contains("of 1 in all") && error.contains("x 0 to 1"),
             "{error}"
         );
     }
