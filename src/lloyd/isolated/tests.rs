@@ -79,14 +79,16 @@ fn a_wire_with_a_return_every_two_spacings_stays_but_for_its_ends() {
     let wire = (0..40).map(|k| Local::new(1.0, -2.0 + 0.2 * f64::from(k), 1.5));
     let bird = Local::new(2.5, 1.5, 1.5);
     let judged = judged(floor().chain(wire).chain([bird]).collect());
-    let high = judged.iter().filter(|(place, _)| place.z > 1.0);
-    let (on_wire, birds): (Vec<_>, Vec<_>) = high.partition(|(place, _)| place.x < 2.0);
-    assert!(birds.len() == 1 && birds[0].1);
-    let is_kept = |(place, is_isolated): &&(Local, bool)| {
-        let is_at_end = (place.y - 1.9).abs() > 3.9 - 0.5;
-        is_at_end || !is_isolated
+    let part = |is_in_it: &dyn Fn(Local) -> bool| -> Vec<bool> {
+        let part = judged
+            .iter()
+            .filter(|&&(place, _)| place.z > 1.0 && is_in_it(place));
+        part.map(|&(_, is_isolated)| is_isolated).collect()
     };
-    assert!(on_wire.len() == 40 && on_wire.iter().all(|judged| is_kept(judged)));
+    assert_eq!(part(&|place| place.x > 2.0), [true], "the bird");
+    assert_eq!(part(&|place| place.x < 2.0).len(), 40);
+    let inside = part(&|place| place.x < 2.0 && (place.y - 1.9).abs() < 3.4);
+    assert!(inside.len() > 30 && !inside.contains(&true));
 }
 
 #[test]

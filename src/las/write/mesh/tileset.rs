@@ -84,13 +84,13 @@ impl Tileset {
         if !(grow && errors.iter().all(|e| (0.0..f64::MAX).contains(e))) {
             return Err(format!("the geometric errors {errors:?} do not grow"));
         }
-        let root = root_of(self.levels()?).unwrap_or(TileNode {
-            bounds: [[0.0; 3]; 2],
+        let metres = metres_per_unit(self.crs.as_ref());
+        let root = root_of(self.levels(metres)?).unwrap_or(TileNode {
+            bounds: thickened([[0.0; 3]; 2], metres),
             geometric_error: 0.0,
             uri: None,
             children: Vec::new(),
         });
-        let metres = metres_per_unit(self.crs.as_ref());
         // The error of showing nothing at all is the size of the whole.
         let error = diagonal(root.bounds).max(root.geometric_error);
         let mut document = json!({
@@ -109,8 +109,8 @@ impl Tileset {
         Ok(document)
     }
 
-    /// The tiles of each level as nodes, by their rows and columns.
-    fn levels(&self) -> Result<Vec<BTreeMap<[i64; 2], TileNode>>, String> {
+    /// The tiles of each level as nodes, by their rows and columns; a CRS unit is so many `metres`.
+    fn levels(&self, metres: f64) -> Result<Vec<BTreeMap<[i64; 2], TileNode>>, String> {
         let mut levels: Vec<BTreeMap<_, _>> = self
             .geometric_errors
             .iter()
@@ -137,10 +137,10 @@ impl Tileset {
             else {
                 return Err(format!("the level {level} of the tile {uri} has no error"));
             };
+            let local = frame.local_bounds(*bounds);
             let node = TileNode {
-                bounds: frame
-                    .local_bounds(*bounds)
-                    .map(|corner| corner.map(f64::from)),
+                // Before boxes are put around it: a box is inside of the one above.
+                bounds: thickened(local.map(|corner| corner.map(f64::from)), metres),
                 geometric_error: *error,
                 uri: Some(uri.clone()),
                 children: Vec::new(),
@@ -178,13 +178,23 @@ fn tile_document(node: TileNode, metres: f64) -> Value {
     document
 }
 
-/// The centre and the half edges of a box along x, y and z.
+/// The `bounds`, wider where their edges would be too short for a box; a unit is so many `metres`.
+fn thickened([mut min, mut max]: [[f64; 3]; 2], metres: f64) -> [[f64; 3]; 2] {
+    for axis in 0..3 {
+        let half = 0.5 * (max[axis] - min[axis]);
+        let missing = f64::max(LEAST_HALF_EDGE_M / metres - half, 0.0);
+        min[axis] -= missing;
+        max[axis] += missing;
+    }
+    [min, max]
+}
+
+/// The centre and the half edges of a box along x, y and z, in units of `metres`.
 fn box_of([min, max]: [[f64; 3]; 2], metres: f64) -> [f64; 12] {
     let mut numbers = [0.0; 12];
     for axis in 0..3 {
         numbers[axis] = 0.5 * (min[axis] + max[axis]) * metres;
-        let half = 0.5 * (max[axis] - min[axis]) * metres;
-        numbers[3 + 4 * axis] = half.max(LEAST_HALF_EDGE_M);
+        numbers[3 + 4 * axis] = 0.5 * (max[axis] - min[axis]) * metres;
     }
     numbers
 }
@@ -244,6 +254,25 @@ mod tests {
         assert_eq!(root["transform"][13], 5_334_000.0 * 0.3048);
         assert_eq!(root["boundingVolume"]["box"][0], 25.0 * 0.3048);
         assert_eq!(root["geometricError"], 0.1 * 0.3048);
+    }
+
+    #[test]
+    fn the_box_of_a_flat_tile_is_inside_of_the_one_above() {
+        let up_to = |top: f64, tile: MeshTile| {
+            let [[x, y, z], [far_x, far_y, _]] = tile.bounds;
+            let bounds = [[x, y, z], [far_x, far_y, top]];
+            MeshTile { bounds, ..tile }
+        };
+        let flat = up_to(500.0, tile(0, [13_820, 106_680]));
+        let nearly_flat = up_to(500.0005, tile(1, [6_910, 53_340]));
+        let document = tileset(vec![flat, nearly_flat]).document().unwrap();
+        let low = |tile: &Value| {
+            let number = |k: usize| tile["boundingVolume"]["box"][k].as_f64().unwrap();
+            number(2) - number(11)
+        };
+        let (root, below) = (&document["root"], &document["root"]["children"][0]);
+        assert_eq!(below["boundingVolume"]["box"][11], LEAST_HALF_EDGE_M);
+        assert!(low(root) <= low(below), "{document}");
     }
 
     #[test]
