@@ -15,8 +15,8 @@
 //!
 //! Seeds are linked if they are hardly farther apart than those of a surface. Thin seeds stand for no more points than a
 //! part of a voxel around them usually has, and for fewer than seeds do on average. So a sparse surface stays, on which
-//! thin seeds lie on a plane, and a lone thing stays that was scanned more densely than what is around it. Leaves around
-//! a branch stay, too: a branch is no surface. The rule looks a fixed number of spacings around, so that all tiles agree.
+//! thin seeds lie on a plane, a wire, whose seeds are in a row, and a lone thing that was scanned more densely than what is
+//! around it. Leaves around a branch stay, too: a branch is no surface. The rule looks a fixed number of spacings around, so that all tiles agree.
 
 mod blocks;
 mod linked;

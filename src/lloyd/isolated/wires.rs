@@ -8,8 +8,9 @@ use crate::{
 
 /// A seed on a wire has no fewer others in its row.
 const FEWEST_IN_A_ROW: usize = 5;
-/// The share of the sparse seeds around that are in the row, at least: among many some are in a row by chance.
-const SHARE_IN_A_ROW: f64 = 0.125;
+/// The share of the sparse seeds around that are in the row, at least: among many some are in a row by chance, and where the
+/// ground is far from the scanner, all are in rows, side by side.
+const SHARE_IN_A_ROW: f64 = 0.5;
 /// Largest distance of a seed from the line of its row.
 const FARTHEST_FROM_ROW_IN_SPACINGS: f64 = 0.2;
 /// So many seeds are never in one row.
