@@ -6,7 +6,7 @@ use crate::{
     lloyd::options::SolverOptions,
 };
 
-/// A seed on a wire has no fewer others in its row.
+/// A row is of no fewer seeds, the one that is asked about among them.
 const FEWEST_IN_A_ROW: usize = 5;
 /// The share of the sparse seeds around that are in the row, at least: among many some are in a row by chance, and where the
 /// ground is far from the scanner, all are in rows, side by side.
@@ -16,7 +16,7 @@ const FARTHEST_FROM_ROW_IN_SPACINGS: f64 = 0.2;
 /// So many seeds are never in one row.
 const MOST_IN_A_ROW: f64 = 16.0;
 
-/// Whether the seed at `position` is in a row with others around it, of which those count that `is_sparse`. A wire far from
+/// Whether the seed at `position` is in a row with seeds around it, of which those count that `is_sparse`. A wire far from
 /// the scanner has a return every two or three spacings: no plane or line can be told from the seeds next to each other.
 pub(super) fn lies_on_a_wire(
     seeds: &NeighborGrid,
