@@ -62,7 +62,7 @@ const LINK_IN_SPACINGS: f64 = 1.25;
 /// Radius of the neighbourhood in which seeds may lie on a common plane, in linking distances.
 const PLANE_IN_LINKS: f64 = 2.3;
 /// Radius of the neighbourhood in which seeds may lie on a common wire, in linking distances.
-const WIRE_IN_LINKS: f64 = 5.0;
+const WIRE_IN_LINKS: f64 = 3.3;
 /// A seed is beside a surface if one on it is nearer than this, in linking distances.
 const BESIDE_IN_LINKS: f64 = 1.75;
 /// Radius of the neighbourhood of a seed whose plane is its surface, in linking distances.

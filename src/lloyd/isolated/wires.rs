@@ -17,7 +17,7 @@ const FARTHEST_FROM_ROW_IN_SPACINGS: f64 = 0.2;
 const MOST_IN_A_ROW: f64 = 16.0;
 
 /// Whether the seed at `position` is in a row with seeds around it, of which those count that `is_sparse`. A wire far from
-/// the scanner has a return every two or three spacings: no plane or line can be told from the seeds next to each other.
+/// the scanner has a return every second spacing: no plane or line can be told from the seeds next to each other.
 pub(super) fn lies_on_a_wire(
     seeds: &NeighborGrid,
     position: Local,
