@@ -61,8 +61,6 @@ const SEED_MARGIN_IN_SPACINGS: f64 = 9.0;
 const LINK_IN_SPACINGS: f64 = 1.25;
 /// Radius of the neighbourhood in which seeds may lie on a common plane, in linking distances.
 const PLANE_IN_LINKS: f64 = 2.3;
-/// Radius of the neighbourhood in which seeds may lie on a common wire, in linking distances.
-const WIRE_IN_LINKS: f64 = 3.3;
 /// A seed is beside a surface if one on it is nearer than this, in linking distances.
 const BESIDE_IN_LINKS: f64 = 1.75;
 /// Radius of the neighbourhood of a seed whose plane is its surface, in linking distances.
@@ -171,7 +169,7 @@ impl SolverOptions {
     pub(super) fn isolation_margin(&self) -> f64 {
         let group = (MANY_SEEDS - 1) as f64 * self.link();
         let beside = self.beside_radius() + self.surface_radius();
-        self.election_margin() + group + beside.max(self.wire_radius())
+        self.election_margin() + group + beside.max(self.plane_radius())
     }
 
     /// Seeds nearer to each other (CRS units) belong together. Where more points are requested than were scanned, seeds are
@@ -183,11 +181,6 @@ impl SolverOptions {
     /// Radius (CRS units) of the neighbourhood in which seeds may lie on a common plane.
     pub(super) fn plane_radius(&self) -> f64 {
         PLANE_IN_LINKS * self.link()
-    }
-
-    /// Radius (CRS units) of the neighbourhood in which seeds may lie on a common wire.
-    pub(super) fn wire_radius(&self) -> f64 {
-        WIRE_IN_LINKS * self.link()
     }
 
     /// Radius (CRS units) of the neighbourhood of a seed in which a surface passes by it.

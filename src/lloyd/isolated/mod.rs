@@ -15,8 +15,8 @@
 //!
 //! Seeds are linked if they are hardly farther apart than those of a surface. Thin seeds stand for no more points than a
 //! part of a voxel around them usually has, and for fewer than seeds do on average. So a sparse surface stays, on which
-//! thin seeds lie on a plane, a wire, whose seeds are in a row, and a lone thing that was scanned more densely than what is
-//! around it. Leaves around a branch stay, too: a branch is no surface. The rule looks a fixed number of spacings around, so that all tiles agree.
+//! thin seeds lie on a plane, and a lone thing stays that was scanned more densely than what is around it. Leaves around
+//! a branch stay, too: a branch is no surface. The rule looks a fixed number of spacings around, so that all tiles agree.
 
 mod blocks;
 mod linked;
@@ -24,7 +24,6 @@ mod planes;
 mod represented;
 #[cfg(test)]
 mod tests;
-mod wires;
 
 use std::sync::OnceLock;
 
@@ -38,7 +37,6 @@ use self::{
     represented::{
         Represented, VOXELS_OF_A_SEED, average_points, most_usual_points, own_points, usual_points,
     },
-    wires::lies_on_a_wire,
 };
 use super::{options::MANY_SEEDS, surface::Surface};
 use crate::geometry::{ITEMS_PER_TASK, Local, NeighborGrid};
@@ -108,8 +106,6 @@ struct Properties {
     is_on_a_plane: OnceLock<bool>,
     /// Whether the seed lies on a plane or line of the sparse seeds around it.
     is_among_sparse: OnceLock<bool>,
-    /// Whether the seed lies on a wire.
-    is_on_a_wire: OnceLock<bool>,
     /// The surface that the seed lies on, if it is on one.
     surface: OnceLock<Option<Box<SurfacePlane>>>,
     /// Whether the seed is adrift, beside a surface, or a speck.
@@ -192,15 +188,6 @@ impl<'a> Seeds<'a> {
         })
     }
 
-    /// Whether the seed lies on a wire.
-    fn is_on_a_wire(&self, seed: usize) -> bool {
-        *self.properties[seed].is_on_a_wire.get_or_init(|| {
-            let place = self.positions[seed];
-            let options = self.surface.options_at(place);
-            lies_on_a_wire(&self.grid, place, &options, |other| self.is_sparse(other))
-        })
-    }
-
     /// Whether the seed is adrift, beside a surface, or a speck.
     fn is_lost(&self, seed: usize) -> bool {
         *self.properties[seed].is_lost.get_or_init(|| {
@@ -218,7 +205,7 @@ impl<'a> Seeds<'a> {
                     true => AVERAGE_SHARE_OF_A_GROUP_ALONE,
                     false => AVERAGE_SHARE_OF_A_GROUP,
                 };
-                !self.are_dense(seed, &group, average_share) && !self.is_on_a_wire(seed)
+                !self.are_dense(seed, &group, average_share)
             })
     }
 
@@ -272,7 +259,6 @@ impl<'a> Seeds<'a> {
             && !self.is_on_a_plane(seed)
             && !self.is_among_sparse(seed)
             && is_next_to_nothing(self.usual_points(seed))
-            && !self.is_on_a_wire(seed)
     }
 
     /// Whether the seed is thin and all that are linked to it are, however many, and they lie on no plane.
@@ -297,7 +283,6 @@ impl<'a> Seeds<'a> {
                 linked.sort_unstable_by(|a, b| fewest(b).total_cmp(&fewest(a)));
                 linked.into_iter().all(|other| self.is_thin(other))
             }
-            && !self.is_on_a_wire(seed)
     }
 
     /// Whether the seed stands for no more points than seeds do on average.

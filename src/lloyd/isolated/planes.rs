@@ -118,7 +118,7 @@ fn lies_among(
 }
 
 /// The ways from `position` to those seeds within `radius` of it that `is_among`.
-pub(super) fn steps_to(
+fn steps_to(
     seeds: &NeighborGrid,
     position: Local,
     radius: f64,

@@ -75,23 +75,6 @@ fn strays_a_spacing_above_a_surface_are_isolated_and_a_wire_there_is_not() {
 }
 
 #[test]
-fn a_wire_with_a_return_every_two_spacings_stays_but_for_its_ends() {
-    let wire = (0..40).map(|k| Local::new(1.0, -2.0 + 0.2 * f64::from(k), 1.5));
-    let bird = Local::new(2.5, 1.5, 1.5);
-    let judged = judged(floor().chain(wire).chain([bird]).collect());
-    let part = |is_in_it: &dyn Fn(Local) -> bool| -> Vec<bool> {
-        let part = judged
-            .iter()
-            .filter(|&&(place, _)| place.z > 1.0 && is_in_it(place));
-        part.map(|&(_, is_isolated)| is_isolated).collect()
-    };
-    assert_eq!(part(&|place| place.x > 2.0), [true], "the bird");
-    assert_eq!(part(&|place| place.x < 2.0).len(), 40);
-    let inside = part(&|place| place.x < 2.0 && (place.y - 1.9).abs() < 3.4);
-    assert!(inside.len() > 30 && !inside.contains(&true));
-}
-
-#[test]
 fn specks_around_a_dense_crown_are_isolated_and_the_crown_is_not() {
     // A shell of two spacings: no plane passes by what is a spacing before it.
     let center = Local::new(1.5, 1.5, 1.0);
