@@ -5,7 +5,6 @@ use super::{
     mesh_ordering::Ordering,
     mesh_tiles::MeshTiles,
     no_points::all_isolated,
-    pcd_precision::note_on_pcd,
     planned_job::PlannedJob,
     stitch::stitch,
     stitchers::Stitchers,
@@ -154,7 +153,6 @@ pub(crate) fn complete_output(
     let missed = missed_count(solver, complete.points());
     missed.iter().for_each(note);
     let notes = planned.survey.notes.iter().cloned();
-    let notes = notes.chain(note_on_pcd(job, &planned.survey));
     let notes = notes.chain(notes_on_points).chain(missed);
     let outcome = Outcome {
         plan: solver.plan.clone(),

@@ -127,10 +127,11 @@ fn survey_inputs(run: &RunContext<'_>) -> Result<(Survey, InputStamps), JobError
             None => JobError::Resources(problem),
         });
     }
-    let survey = Survey::of(&job.inputs, &job.settings, job.skip_bad_files)?;
+    let mut survey = Survey::of(&job.inputs, &job.settings, job.skip_bad_files)?;
+    survey.notes.extend(note_on_pcd(job, &survey));
     let paths = survey.inputs.iter().map(|input| input.path.as_path());
     job.check_inputs_stay(paths)?;
-    for note in survey.notes.iter().chain(&note_on_pcd(job, &survey)) {
+    for note in &survey.notes {
         run.progress.note(note);
     }
     let left_out = survey.left_out.iter().map(|bad| PathBuf::from(&bad.path));

@@ -327,7 +327,7 @@ fn points_of(weight: f32) -> f64 {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::geometry::spread;
+    use crate::{geometry::spread, lloyd::elect};
 
     /// The scan of `points` at a scale of a millimetre, for a spacing of 0.3.
     pub(in crate::lloyd::scan) fn scan(points: Vec<Stored>) -> Scan {
@@ -385,6 +385,20 @@ pub(super) mod tests {
             );
         }
         assert!(points_of(weight_of(u64::MAX)).is_finite());
+    }
+
+    #[test]
+    fn looks_for_samples_end_however_small_the_fit_radius_is() {
+        let quantization = Quantization {
+            scale: 0.001,
+            offset: [0.0; 3],
+        };
+        let options = SolverOptions {
+            fit_radius: 1e-6,
+            ..SolverOptions::new(0.3)
+        };
+        let scan = Scan::new(cloud(2000), quantization, &options);
+        assert!(elect(&scan, &options).positions.len() > 20);
     }
 
     #[test]
