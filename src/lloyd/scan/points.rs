@@ -327,7 +327,7 @@ fn points_of(weight: f32) -> f64 {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::{geometry::spread, lloyd::elect};
+    use crate::geometry::spread;
 
     /// The scan of `points` at a scale of a millimetre, for a spacing of 0.3.
     pub(in crate::lloyd::scan) fn scan(points: Vec<Stored>) -> Scan {
@@ -388,17 +388,16 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn looks_for_samples_end_however_small_the_fit_radius_is() {
-        let quantization = Quantization {
-            scale: 0.001,
-            offset: [0.0; 3],
+    fn cells_of_samples_follow_the_fit_radius_but_not_to_nothing() {
+        let of_fit_radius = |fit_radius| {
+            let options = SolverOptions::new(0.3);
+            sample_cell(&SolverOptions {
+                fit_radius,
+                ..options
+            })
         };
-        let options = SolverOptions {
-            fit_radius: 1e-6,
-            ..SolverOptions::new(0.3)
-        };
-        let scan = Scan::new(cloud(2000), quantization, &options);
-        assert!(elect(&scan, &options).positions.len() > 20);
+        assert_eq!(of_fit_radius(1.0), SAMPLE_CELL_IN_FIT_RADII);
+        assert_eq!(of_fit_radius(1e-6), 0.3 * SMALLEST_SAMPLE_CELL_IN_SPACINGS);
     }
 
     #[test]
