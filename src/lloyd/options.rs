@@ -65,6 +65,8 @@ const PLANE_IN_LINKS: f64 = 2.3;
 const BESIDE_IN_LINKS: f64 = 1.75;
 /// Radius of the neighbourhood of a seed whose plane is its surface, in linking distances.
 const SURFACE_IN_LINKS: f64 = 1.6;
+/// A small group of seeds is alone if nothing is nearer than this, in linking distances.
+const ALONE_IN_LINKS: f64 = 1.7;
 /// So many seeds that belong together are never isolated.
 pub(super) const MANY_SEEDS: usize = 3;
 
@@ -169,7 +171,9 @@ impl SolverOptions {
     pub(super) fn isolation_margin(&self) -> f64 {
         let group = (MANY_SEEDS - 1) as f64 * self.link();
         let beside = self.beside_radius() + self.surface_radius();
-        self.election_margin() + group + beside.max(self.plane_radius())
+        // The last seed of a group that is small enough to be alone is a link nearer.
+        let alone = self.alone_radius() + self.plane_radius() - self.link();
+        self.election_margin() + group + beside.max(self.plane_radius()).max(alone)
     }
 
     /// Seeds nearer to each other (CRS units) belong together. Where more points are requested than were scanned, seeds are
@@ -181,6 +185,11 @@ impl SolverOptions {
     /// Radius (CRS units) of the neighbourhood in which seeds may lie on a common plane.
     pub(super) fn plane_radius(&self) -> f64 {
         PLANE_IN_LINKS * self.link()
+    }
+
+    /// Radius (CRS units) of the neighbourhood in which a small group of seeds may be alone.
+    pub(super) fn alone_radius(&self) -> f64 {
+        ALONE_IN_LINKS * self.link()
     }
 
     /// Radius (CRS units) of the neighbourhood of a seed in which a surface passes by it.

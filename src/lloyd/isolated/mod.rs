@@ -76,8 +76,8 @@ const SEEDS_WORTH_OF_A_GROUP: f64 = 1.2;
 /// A small group of no more points than this share of what a seed stands for on average is small however sparse the scan is
 /// around it.
 const AVERAGE_SHARE_OF_A_GROUP: f64 = 0.2;
-/// That share where no other seed is near, as with clumps of wrong returns below a street: a lamp has more.
-const AVERAGE_SHARE_OF_A_GROUP_ALONE: f64 = 3.0;
+/// That share of a group that is alone, as clumps of wrong returns below a street are: a lamp has more.
+const AVERAGE_SHARE_OF_A_GROUP_ALONE: f64 = 10.0;
 /// So few points are a small group however sparse the scan is.
 const FEW_POINTS_OF_A_GROUP: f64 = 4.0;
 
@@ -201,7 +201,7 @@ impl<'a> Seeds<'a> {
         let options = self.surface.options_at(place);
         self.linked_seeds(seed, options.link())
             .is_some_and(|group| {
-                let average_share = match self.is_alone(&group, options.plane_radius()) {
+                let average_share = match self.is_alone(&group, options.alone_radius()) {
                     true => AVERAGE_SHARE_OF_A_GROUP_ALONE,
                     false => AVERAGE_SHARE_OF_A_GROUP,
                 };
@@ -224,12 +224,14 @@ impl<'a> Seeds<'a> {
         own > FEW_POINTS_OF_A_GROUP.max(few).max(usual)
     }
 
-    /// Whether no seed but those of the `group` is within `radius` (CRS units) of them.
+    /// Whether no seed but those of the `group` is within `radius` (CRS units) of them. Scattered ones do not count: another
+    /// drop of rain is no company.
     fn is_alone(&self, group: &[Local], radius: f64) -> bool {
         let mut is_alone = true;
         for &seed in group {
-            let meet = |_, place| is_alone &= group.contains(&place);
-            visit_linked(&self.grid, seed, radius, meet);
+            visit_linked(&self.grid, seed, radius, |other, place| {
+                is_alone = is_alone && (group.contains(&place) || self.is_scattered(other));
+            });
         }
         is_alone
     }
@@ -256,8 +258,7 @@ impl<'a> Seeds<'a> {
         let is_next_to_nothing = |usual| own <= SHARE_OF_A_SPECK * (VOXELS_OF_A_SEED * usual);
         own <= AVERAGE_SHARE_OF_A_SPECK * average_points(self.surface)
             && is_next_to_nothing(self.most_usual_points(seed))
-            && !self.is_on_a_plane(seed)
-            && !self.is_among_sparse(seed)
+            && self.is_off_planes(seed)
             && is_next_to_nothing(self.usual_points(seed))
     }
 
@@ -274,15 +275,22 @@ impl<'a> Seeds<'a> {
         visit_linked(&self.grid, place, options.link(), |other, _| {
             linked.push(other);
         });
-        linked.iter().all(|&other| can_be(other))
-            && !self.is_on_a_plane(seed)
-            && !self.is_among_sparse(seed)
-            && {
-                // The surroundings of the seed with the most points tell most often that not all are thin.
-                let fewest = |&other: &usize| self.points(other).fewest();
-                linked.sort_unstable_by(|a, b| fewest(b).total_cmp(&fewest(a)));
-                linked.into_iter().all(|other| self.is_thin(other))
-            }
+        linked.iter().all(|&other| can_be(other)) && self.is_off_planes(seed) && {
+            // The surroundings of the seed with the most points tell most often that not all are thin.
+            let fewest = |&other: &usize| self.points(other).fewest();
+            linked.sort_unstable_by(|a, b| fewest(b).total_cmp(&fewest(a)));
+            linked.into_iter().all(|other| self.is_thin(other))
+        }
+    }
+
+    /// Whether the seed is sparse and lies on no plane or line.
+    fn is_scattered(&self, seed: usize) -> bool {
+        self.is_sparse(seed) && self.is_off_planes(seed)
+    }
+
+    /// Whether the seed lies on no plane or line, neither of all seeds around it nor of the sparse ones.
+    fn is_off_planes(&self, seed: usize) -> bool {
+        !self.is_on_a_plane(seed) && !self.is_among_sparse(seed)
     }
 
     /// Whether the seed stands for no more points than seeds do on average.

@@ -114,6 +114,26 @@ fn a_bird_is_isolated_and_a_lamp_that_was_scanned_more_densely_is_not() {
 }
 
 #[test]
+fn a_bird_in_the_rain_is_isolated_and_one_beside_a_wire_is_not() {
+    let bird = |at: Local| even(120, 0.06).map(move |p| p + at);
+    let (high, low) = (Local::new(1.0, 1.0, 1.0), Local::new(2.0, 2.0, 0.5));
+    // Two links from each bird, and nearer than the next seed of the floor.
+    let drop = high + Local::new(0.2, 0.03, 0.03);
+    let wire = (0..400).map(|k| Local::new(0.0075 * f64::from(k), 2.2, 0.53));
+    let points = floor().chain(bird(high)).chain([drop]).chain(bird(low));
+    let judged = judged(points.chain(wire).collect());
+    let near = |at: Local| -> Vec<bool> {
+        let middle = at + Local::repeat(0.03);
+        let of_bird = judged
+            .iter()
+            .filter(|(place, _)| (place - middle).norm() < 0.06);
+        of_bird.map(|&(_, is_isolated)| is_isolated).collect()
+    };
+    assert!(!near(high).is_empty() && near(high).iter().all(|&is_isolated| is_isolated));
+    assert!(!near(low).is_empty() && near(low).iter().all(|&is_isolated| !is_isolated));
+}
+
+#[test]
 fn a_sparse_wall_behind_a_dense_floor_stays() {
     // A point to the cell of a seed, as rain has.
     let wall = even(900, 3.0).map(|p| Local::new(p.x, 3.3, 0.3 + p.z));
