@@ -74,10 +74,15 @@ fn whoever_dies_the_cloud_is_that_of_one_process() {
         let ended = workers[worker].wait().unwrap();
         assert!(ended.success(), "{ended}");
     }
-    let [solved, tiles] = solved(&job);
-    assert!(solved == tiles && tiles >= 8, "{solved} of {tiles}");
-    // Nothing is left to do: nothing is done.
-    well(&["solve", text(&job), "--quiet"]);
+    // At most the tile of the dead is left: on a slow machine it was seen to live, and others do not wait for the living.
+    let [by_workers, tiles] = solved(&job);
+    assert!(
+        by_workers + 1 >= tiles && tiles >= 8,
+        "{by_workers} of {tiles}"
+    );
+    // Whoever comes next does what is left, and nothing if nothing is.
+    well(&["solve", text(&job), "--patience", "15", "--quiet"]);
+    assert_eq!(solved(&job), [tiles; 2]);
     well(&["stitch", text(&job), "--quiet"]);
     assert!(fs::read(&many).unwrap() == expected, "not the same bytes");
     assert!(!job.exists());
