@@ -8,7 +8,7 @@ use std::{
     os::unix::fs::PermissionsExt,
     path::{Path, PathBuf},
     process::{Child, Command, Output},
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use crate::running::{PROGRAM, lloydar, start, street, succeed, text};
@@ -50,6 +50,7 @@ fn whoever_dies_the_cloud_is_that_of_one_process() {
     let dir = tempfile::tempdir().unwrap();
     let (many, job, expected) = scattered(dir.path());
     let shards = ["0/3", "1/3", "2/3"];
+    let begun = Instant::now();
     let mut workers: Vec<Child> = shards
         .iter()
         .map(|shard| {
@@ -70,16 +71,16 @@ fn whoever_dies_the_cloud_is_that_of_one_process() {
     }
     workers[1].kill().unwrap();
     workers[1].wait().unwrap();
+    // Heartbeats are five seconds apart: before that nobody can have seen it live.
+    let can_seem_alive = begun.elapsed() >= Duration::from_secs(5);
     for worker in [0, 2] {
         let ended = workers[worker].wait().unwrap();
         assert!(ended.success(), "{ended}");
     }
-    // At most the tile of the dead is left: on a slow machine it was seen to live, and others do not wait for the living.
+    // Others take the tile of the dead, but on a slow machine it seemed alive, and they do not wait for the living.
     let [by_workers, tiles] = solved(&job);
-    assert!(
-        by_workers + 1 >= tiles && tiles >= 8,
-        "{by_workers} of {tiles}"
-    );
+    let is_solved = by_workers == tiles || can_seem_alive && by_workers + 1 == tiles;
+    assert!(is_solved && tiles >= 8, "{by_workers} of {tiles}");
     // Whoever comes next does what is left, and nothing if nothing is.
     well(&["solve", text(&job), "--patience", "15", "--quiet"]);
     assert_eq!(solved(&job), [tiles; 2]);

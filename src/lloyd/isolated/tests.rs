@@ -117,7 +117,7 @@ fn a_bird_is_isolated_and_a_lamp_that_was_scanned_more_densely_is_not() {
 fn a_bird_in_the_rain_is_isolated_and_one_beside_a_wire_is_not() {
     let bird = |at: Local| even(120, 0.06).map(move |p| p + at);
     let (high, low) = (Local::new(1.0, 1.0, 1.0), Local::new(2.0, 2.0, 0.5));
-    // Two links from each bird, and nearer than the next seed of the floor.
+    // The drop and the wire are more than a link from their birds, and near enough to be company.
     let drop = high + Local::new(0.2, 0.03, 0.03);
     let wire = (0..400).map(|k| Local::new(0.0075 * f64::from(k), 2.2, 0.53));
     let points = floor().chain(bird(high)).chain([drop]).chain(bird(low));
