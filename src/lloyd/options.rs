@@ -65,8 +65,8 @@ const PLANE_IN_LINKS: f64 = 2.3;
 const BESIDE_IN_LINKS: f64 = 1.75;
 /// Radius of the neighbourhood of a seed whose plane is its surface, in linking distances.
 const SURFACE_IN_LINKS: f64 = 1.6;
-/// A small group of seeds is alone if nothing is nearer than this, in linking distances.
-const ALONE_IN_LINKS: f64 = 1.7;
+/// A small group of seeds is alone if it has no company nearer than this, in linking distances.
+const ALONE_IN_LINKS: f64 = 1.5;
 /// So many seeds that belong together are never isolated.
 pub(super) const MANY_SEEDS: usize = 3;
 
@@ -171,8 +171,9 @@ impl SolverOptions {
     pub(super) fn isolation_margin(&self) -> f64 {
         let group = (MANY_SEEDS - 1) as f64 * self.link();
         let beside = self.beside_radius() + self.surface_radius();
-        // The last seed of a group that is small enough to be alone is a link nearer.
-        let alone = self.alone_radius() + self.plane_radius() - self.link();
+        // The last seed of a group that is small enough to be alone is a link nearer. Company has a group and planes of its own.
+        let company = group.max(self.plane_radius());
+        let alone = self.alone_radius() + company - self.link();
         self.election_margin() + group + beside.max(self.plane_radius()).max(alone)
     }
 

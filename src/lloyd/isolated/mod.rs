@@ -39,7 +39,7 @@ use self::{
     },
 };
 use super::{options::MANY_SEEDS, surface::Surface};
-use crate::geometry::{ITEMS_PER_TASK, Local, NeighborGrid};
+use crate::geometry::{ITEMS_PER_TASK, Local, NeighborGrid, by_position};
 
 /// What becomes of isolated returns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -197,11 +197,9 @@ impl<'a> Seeds<'a> {
 
     /// Whether the seed and what belongs to it, without those that are lost, are few and stand for few points.
     fn is_in_a_small_group(&self, seed: usize) -> bool {
-        let place = self.positions[seed];
-        let options = self.surface.options_at(place);
-        self.linked_seeds(seed, options.link())
+        self.small_group(seed, |other| !self.is_lost(other))
             .is_some_and(|group| {
-                let average_share = match self.is_alone(&group, options.alone_radius()) {
+                let average_share = match self.is_alone(seed, &group) {
                     true => AVERAGE_SHARE_OF_A_GROUP_ALONE,
                     false => AVERAGE_SHARE_OF_A_GROUP,
                 };
@@ -224,32 +222,45 @@ impl<'a> Seeds<'a> {
         own > FEW_POINTS_OF_A_GROUP.max(few).max(usual)
     }
 
-    /// Whether no seed but those of the `group` is within `radius` (CRS units) of them. Scattered ones do not count: another
-    /// drop of rain is no company.
-    fn is_alone(&self, group: &[Local], radius: f64) -> bool {
+    /// Whether no company of the `group` of this seed is near.
+    fn is_alone(&self, seed: usize, group: &[Local]) -> bool {
+        let options = self.surface.options_at(self.positions[seed]);
         let mut is_alone = true;
-        for &seed in group {
-            visit_linked(&self.grid, seed, radius, |other, place| {
-                is_alone = is_alone && (group.contains(&place) || self.is_scattered(other));
+        for &place in group {
+            visit_linked(&self.grid, place, options.alone_radius(), |other, place| {
+                is_alone = is_alone && (group.contains(&place) || !self.is_company(other));
             });
         }
         is_alone
     }
 
-    /// The seeds that belong to this one, itself among them, without those that are lost; `None` if they are many.
-    fn linked_seeds(&self, seed: usize, link: f64) -> Option<Vec<Local>> {
-        let mut linked = vec![self.positions[seed]];
+    /// Whether the seed is company for a small group: another drop of rain is none, nor another small group of few points. Lost
+    /// seeds count among those that belong to it, so that no more of its surroundings matters than of any other seed's.
+    fn is_company(&self, seed: usize) -> bool {
+        let group = self.small_group(seed, |_| true);
+        let is_small =
+            group.is_some_and(|group| !self.are_dense(seed, &group, AVERAGE_SHARE_OF_A_GROUP));
+        !is_small && !self.is_adrift(seed) && !self.is_a_speck(seed)
+    }
+
+    /// The seeds that belong to this one, itself among them, of those that `may_belong`; `None` if they are many. They are in
+    /// the order of their positions: the verdict on a group is the same for all of its seeds.
+    fn small_group(&self, seed: usize, may_belong: impl Fn(usize) -> bool) -> Option<Vec<Local>> {
+        let place = self.positions[seed];
+        let link = self.surface.options_at(place).link();
+        let mut group = vec![place];
         let mut next = 0;
-        while next < linked.len() && linked.len() < MANY_SEEDS {
-            visit_linked(&self.grid, linked[next], link, |other, place| {
-                let are_few = linked.len() < MANY_SEEDS;
-                if are_few && !linked.contains(&place) && !self.is_lost(other) {
-                    linked.push(place);
+        while next < group.len() && group.len() < MANY_SEEDS {
+            visit_linked(&self.grid, group[next], link, |other, place| {
+                let are_few = group.len() < MANY_SEEDS;
+                if are_few && !group.contains(&place) && may_belong(other) {
+                    group.push(place);
                 }
             });
             next += 1;
         }
-        (linked.len() < MANY_SEEDS).then_some(linked)
+        group.sort_unstable_by(by_position);
+        (group.len() < MANY_SEEDS).then_some(group)
     }
 
     /// Whether the seed stands for next to nothing of what seeds around it usually do, and lies on no plane.
@@ -281,11 +292,6 @@ impl<'a> Seeds<'a> {
             linked.sort_unstable_by(|a, b| fewest(b).total_cmp(&fewest(a)));
             linked.into_iter().all(|other| self.is_thin(other))
         }
-    }
-
-    /// Whether the seed is sparse and lies on no plane or line.
-    fn is_scattered(&self, seed: usize) -> bool {
-        self.is_sparse(seed) && self.is_off_planes(seed)
     }
 
     /// Whether the seed lies on no plane or line, neither of all seeds around it nor of the sparse ones.

@@ -134,6 +134,25 @@ fn a_bird_in_the_rain_is_isolated_and_one_beside_a_wire_is_not() {
 }
 
 #[test]
+fn two_seeds_that_belong_together_are_one_group() {
+    let rain = even(600, 3.0).filter(|p| p.z > 0.05);
+    let (scan, options) = scan(floor().chain(rain).collect());
+    let positions = elect(&scan, &options).positions;
+    let seeds = Seeds::new(Surface::new(&scan, &options), &positions);
+    let group_of = |seed: usize| seeds.small_group(seed, |_| true);
+    let mut pairs = 0;
+    for seed in 0..positions.len() {
+        let group = group_of(seed);
+        for place in group.iter().flatten() {
+            let member = positions.iter().position(|other| other == place);
+            assert_eq!(group_of(member.unwrap()), group);
+        }
+        pairs += usize::from(group.is_some_and(|group| group.len() == 2));
+    }
+    assert!(pairs > 10, "{pairs}");
+}
+
+#[test]
 fn a_sparse_wall_behind_a_dense_floor_stays() {
     // A point to the cell of a seed, as rain has.
     let wall = even(900, 3.0).map(|p| Local::new(p.x, 3.3, 0.3 + p.z));
