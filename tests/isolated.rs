@@ -90,6 +90,23 @@ fn what_is_isolated_does_not_depend_on_tiles() {
 }
 
 #[test]
+fn a_count_is_met_without_isolated_returns() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = rainy_street(dir.path());
+    let output = dir.path().join("even.laz");
+    // One in three seeds is a stray.
+    let options = ["--count", "2000", "--isolated", "drop", "--iterations", "8"];
+    succeed(&scans, &output, &options);
+    let report = report(&output);
+    let dropped = report["isolated"]["count"].as_u64().unwrap();
+    assert!(dropped > 500, "{dropped}");
+    let count = points(&output).len();
+    assert!(count.abs_diff(2000) <= 6, "{count}");
+    let delta = report["uniformity"]["delta"].as_f64().unwrap();
+    assert!(delta < 0.08, "{delta}");
+}
+
+#[test]
 fn a_scan_of_which_all_is_isolated_leaves_a_clear_error() {
     let dir = tempfile::tempdir().unwrap();
     let scan = dir.path().join("three.xyz.ply");

@@ -52,7 +52,7 @@ pub(crate) use rings::Rings;
 pub use scan::Scan;
 pub(crate) use scan::{PointSum, PointTag, PointsByIndex, ThinnedPoints, Thinning, VoxelPoints};
 pub use seeds::{AREA_PER_SEED, DominantNormals, SeedRule, elect};
-pub(crate) use seeds::{coarse_normals, elected_in};
+pub(crate) use seeds::{SeedCounts, coarse_normals, count_seeds};
 pub(crate) use settings::SolverSettings;
 pub use site::Site;
 pub(crate) use site_state::SiteState;

@@ -54,6 +54,19 @@ impl Default for SolverSettings {
 }
 
 impl SolverSettings {
+    /// Whether isolated returns are left out.
+    pub(crate) fn drops_isolated(&self) -> bool {
+        self.isolated == IsolatedRule::Drop
+    }
+
+    /// Settings like these with which isolated returns stay.
+    pub(crate) fn with_isolated(self) -> Self {
+        Self {
+            isolated: IsolatedRule::Keep,
+            ..self
+        }
+    }
+
     /// Options of the solver at `spacing` (CRS units), if approximately `seeds_per_point` sites are to result
     /// for each point of the scan.
     pub(crate) fn at(&self, spacing: f64, seeds_per_point: f64) -> SolverOptions {
@@ -79,7 +92,7 @@ impl SolverSettings {
                 widest_fit: self.smooth.unwrap_or(f64::MAX),
                 ..grading
             }),
-            drops_isolated: self.isolated == IsolatedRule::Drop,
+            drops_isolated: self.drops_isolated(),
             seed: self.seed,
             ..defaults
         }

@@ -103,10 +103,14 @@ pub(crate) fn resolve<C: CountedCloud>(
     target: Target,
 ) -> Result<(f64, u64), SpacingError<C::Error>> {
     let for_count = |count| {
-        Ok((
-            spacing_for_count(cloud, quantization, settings, count)?,
-            count,
-        ))
+        let spacing = match spacing_for_count(cloud, quantization, settings, count) {
+            // The finer the spacing, the more points of a sparse scan are isolated: what is left is as many as there can be.
+            Err(SpacingError::CannotCarry { .. }) if settings.drops_isolated() => {
+                spacing_for_count(cloud, quantization, &settings.with_isolated(), count)?
+            }
+            found => found?,
+        };
+        Ok((spacing, count))
     };
     match target {
         Target::Spacing(spacing) => {
@@ -123,7 +127,9 @@ pub(crate) fn resolve<C: CountedCloud>(
                     scale,
                 });
             }
-            let count = estimated_count(cloud, quantization, settings, spacing)?;
+            // What a seed stands for on average is that of all: by it some of them are isolated.
+            let settings = settings.with_isolated();
+            let count = estimated_count(cloud, quantization, &settings, spacing)?;
             Ok((spacing, count.round() as u64))
         }
         Target::Count(count) => for_count(count),

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::{SpacingError, Target, resolve, search::estimate_options};
 use crate::{
     geometry::{Quantization, Rect, Stored, spread},
-    lloyd::{SolverOptions, SolverSettings, ThinnedPoints},
+    lloyd::{IsolatedRule, SolverOptions, SolverSettings, ThinnedPoints},
     tiling::{Bounds, CellGrid, CloudInMemory, CountedCloud},
 };
 
@@ -77,14 +77,22 @@ impl<C: CountedCloud> CountedCloud for Watched<C> {
 
 /// What `target` gives for `points`, how often they were gathered from, and how many were read.
 fn resolved(points: &[Stored], target: Target) -> (Result<(f64, u64), SpacingError<()>>, u64, u64) {
+    resolved_with(&SolverSettings::default(), points, target)
+}
+
+/// What [`resolved`] returns, with these `settings` of the solver.
+fn resolved_with(
+    settings: &SolverSettings,
+    points: &[Stored],
+    target: Target,
+) -> (Result<(f64, u64), SpacingError<()>>, u64, u64) {
     let go_on = || Ok::<(), ()>(());
     let cloud = Watched {
         cloud: CloudInMemory::new(points, CellGrid::new(1000), &go_on),
         gathers: AtomicU64::new(0),
         gathered: AtomicU64::new(0),
     };
-    let settings = SolverSettings::default();
-    let result = resolve(&cloud, &QUANTIZATION, &settings, target);
+    let result = resolve(&cloud, &QUANTIZATION, settings, target);
     let [gathers, gathered] = [cloud.gathers, cloud.gathered].map(AtomicU64::into_inner);
     (result, gathers, gathered)
 }
@@ -128,6 +136,20 @@ fn a_count_that_no_spacing_gives_is_given_up_after_few_trials() {
     };
     assert!((12_000.0..40_000.0).contains(&reached), "{reached}");
     assert!(gathers <= 12, "{gathers} parts were read");
+}
+
+#[test]
+fn a_count_that_isolated_points_keep_from_being_met_has_the_spacing_of_all() {
+    // Far finer than the points are apart each of them is isolated.
+    let points = points(3_000, [60, 60, 60]);
+    let target = Target::Count(2_800);
+    let drop = SolverSettings {
+        isolated: IsolatedRule::Drop,
+        ..SolverSettings::default()
+    };
+    let (spacing, _) = resolved_with(&drop, &points, target).0.unwrap();
+    let (of_all, _) = resolved(&points, target).0.unwrap();
+    assert_eq!(spacing, of_all);
 }
 
 #[test]

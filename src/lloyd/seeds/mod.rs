@@ -21,7 +21,7 @@ mod rounded_normal;
 mod rule;
 mod seed_list;
 
-use super::{Scan, SolverOptions, surface::Surface};
+use super::{Scan, SolverOptions, isolated::are_isolated, surface::Surface};
 use crate::geometry::Rect;
 
 pub(crate) use coarse_normals::coarse_normals;
@@ -42,10 +42,35 @@ pub fn elect(scan: &Scan, options: &SolverOptions) -> Seeds {
     }
 }
 
-/// Number of elected seeds whose points lie in `part`.
-pub(crate) fn elected_in(scan: &Scan, options: &SolverOptions, part: &Rect) -> usize {
-    elected::elected(Surface::new(scan, options))
-        .into_iter()
-        .filter(|&point| part.contains(point))
-        .count()
+/// Numbers of seeds in a part of a cloud.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct SeedCounts {
+    /// Elected seeds.
+    pub(crate) elected: usize,
+    /// Elected seeds that sites start at: not the isolated ones, if the options leave these out.
+    pub(crate) kept: usize,
+}
+
+/// Numbers of the seeds whose points lie in `part`.
+pub(crate) fn count_seeds(scan: &Scan, options: &SolverOptions, part: &Rect) -> SeedCounts {
+    let surface = Surface::new(scan, options);
+    let seeds = Seeds::at_points(scan, elected::elected(surface));
+    let is_in_part = |seed: usize| part.contains(seeds.identities[seed]);
+    let elected = (0..seeds.identities.len())
+        .filter(|&seed| is_in_part(seed))
+        .count();
+    let left_out = match options.drops_isolated {
+        true => {
+            let isolated = are_isolated(surface, &seeds.positions, is_in_part);
+            isolated
+                .into_iter()
+                .filter(|&is_isolated| is_isolated)
+                .count()
+        }
+        false => 0,
+    };
+    SeedCounts {
+        elected,
+        kept: elected - left_out,
+    }
 }
