@@ -127,7 +127,7 @@ pub(crate) fn resolve<C: CountedCloud>(
                     scale,
                 });
             }
-            // What a seed stands for on average is that of all: by it some of them are isolated.
+            // By this count it is judged which seeds are isolated, so that it is of all.
             let settings = settings.with_isolated();
             let count = estimated_count(cloud, quantization, &settings, spacing)?;
             Ok((spacing, count.round() as u64))
