@@ -103,14 +103,10 @@ pub(crate) fn resolve<C: CountedCloud>(
     target: Target,
 ) -> Result<(f64, u64), SpacingError<C::Error>> {
     let for_count = |count| {
-        let spacing = match spacing_for_count(cloud, quantization, settings, count) {
-            // The finer the spacing, the more points of a sparse scan are isolated: what is left is as many as there can be.
-            Err(SpacingError::CannotCarry { .. }) if settings.drops_isolated() => {
-                spacing_for_count(cloud, quantization, &settings.with_isolated(), count)?
-            }
-            found => found?,
-        };
-        Ok((spacing, count))
+        Ok((
+            spacing_for_count(cloud, quantization, settings, count)?,
+            count,
+        ))
     };
     match target {
         Target::Spacing(spacing) => {

@@ -162,10 +162,12 @@ pub(crate) fn spacing_for_count<C: CountedCloud>(
         dominant_normals,
         range,
     };
-    match search.run(by_voxels) {
-        // Where points are farther apart than the output, each occupies a voxel of its own however fine
-        // voxels are, so that the second guess is too fine for holes to be closed. The first one is coarse.
-        Err(SpacingError::CannotCarry { .. }) => search.run(guess),
+    match search.run_from(by_voxels, guess) {
+        // The finer the spacing, the more points of a sparse scan are isolated: what is left is as many as there can be.
+        Err(SpacingError::CannotCarry { .. }) if settings.drops_isolated() => {
+            let settings = &settings.with_isolated();
+            Search { settings, ..search }.run_from(by_voxels, guess)
+        }
         found => found,
     }
 }
@@ -192,6 +194,16 @@ struct Trial {
 }
 
 impl<C: CountedCloud> Search<'_, C> {
+    /// Tries spacings, beginning with the guess `by_voxels`.
+    fn run_from(&self, by_voxels: f64, guess: f64) -> Result<f64, SpacingError<C::Error>> {
+        match self.run(by_voxels) {
+            // Where points are farther apart than the output, each occupies a voxel of its own however fine
+            // voxels are, so that the second guess is too fine for holes to be closed. The first one is coarse.
+            Err(SpacingError::CannotCarry { .. }) => self.run(guess),
+            found => found,
+        }
+    }
+
     /// Tries spacings, beginning with `start`, until the count is met.
     fn run(&self, start: f64) -> Result<f64, SpacingError<C::Error>> {
         let [least, most] = self.range;

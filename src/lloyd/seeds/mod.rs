@@ -43,7 +43,7 @@ pub fn elect(scan: &Scan, options: &SolverOptions) -> Seeds {
 }
 
 /// Numbers of seeds in a part of a cloud.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct SeedCounts {
     /// Elected seeds.
     pub(crate) elected: usize,
@@ -59,16 +59,11 @@ pub(crate) fn count_seeds(scan: &Scan, options: &SolverOptions, part: &Rect) -> 
     let elected = (0..seeds.identities.len())
         .filter(|&seed| is_in_part(seed))
         .count();
-    let left_out = match options.drops_isolated {
-        true => {
-            let isolated = are_isolated(surface, &seeds.positions, is_in_part);
-            isolated
-                .into_iter()
-                .filter(|&is_isolated| is_isolated)
-                .count()
-        }
-        false => 0,
+    let is_isolated = match options.drops_isolated {
+        true => are_isolated(surface, &seeds.positions, is_in_part),
+        false => Vec::new(),
     };
+    let left_out = is_isolated.into_iter().filter(|&is_it| is_it).count();
     SeedCounts {
         elected,
         kept: elected - left_out,
