@@ -31,15 +31,19 @@ struct Layer {
 }
 
 impl LayeredCells {
-    /// Sorts `points` into cells of `edge` (CRS units), all in one layer. The second part of the result is, in sorted order,
-    /// the index of each point.
+    /// Sorts `points`, each at its `position`, into cells of `edge` (CRS units), all in one layer. The second part of the result is,
+    /// in sorted order, the index of each point.
     ///
     /// # Panics
     ///
     /// Unless `edge` is positive; and as [`OccupiedCells::sort`].
-    pub(crate) fn one_layer(points: &[Local], edge: f64) -> (Self, Vec<u32>) {
+    pub(crate) fn one_layer<P: Sync>(
+        points: &[P],
+        position: impl Fn(&P) -> Local + Sync,
+        edge: f64,
+    ) -> (Self, Vec<u32>) {
         assert!(edge > 0.0, "an edge of {edge}");
-        let (cells, order) = OccupiedCells::sort(points, |&p| cell_of(p, edge));
+        let (cells, order) = OccupiedCells::sort(points, |point| cell_of(position(point), edge));
         let layer = Layer {
             edge,
             cells,
@@ -49,13 +53,18 @@ impl LayeredCells {
         (Self { layers }, order)
     }
 
-    /// Sorts `points` into the layers that `layers` gives, one to a point, and within a layer *k* into cells of the edge
-    /// `edges[k]` (CRS units). The second part of the result is, in sorted order, the index of each point.
+    /// Sorts `points`, each at its `position`, into the layers that `layers` gives, one to a point, and within a layer *k* into cells
+    /// of the edge `edges[k]` (CRS units). The second part of the result is, in sorted order, the index of each point.
     ///
     /// # Panics
     ///
     /// Unless all edges are positive and each point has a layer with an edge; and as [`OccupiedCells::sort`].
-    pub(crate) fn sort(points: &[Local], layers: &[u8], edges: &[f64]) -> (Self, Vec<u32>) {
+    pub(crate) fn sort<P: Sync>(
+        points: &[P],
+        position: impl Fn(&P) -> Local + Sync,
+        layers: &[u8],
+        edges: &[f64],
+    ) -> (Self, Vec<u32>) {
         assert!(edges.iter().all(|&edge| edge > 0.0), "edges of {edges:?}");
         let mut indices: Vec<Vec<u32>> = vec![Vec::new(); edges.len()];
         for (index, &layer) in (0..).zip(layers) {
@@ -67,7 +76,7 @@ impl LayeredCells {
             if indices.is_empty() {
                 continue;
             }
-            let cell = |&index: &u32| cell_of(points[index as usize], edge);
+            let cell = |&index: &u32| cell_of(position(&points[index as usize]), edge);
             let (mut cells, in_layer) = OccupiedCells::sort(indices, cell);
             cells.shift(order.len() as u32);
             let layer = Layer {

@@ -32,7 +32,10 @@ impl NeighborGrid {
     ///
     /// Unless `edge` is positive; and as [`OccupiedCells::sort`].
     pub fn new(points: &[Local], edge: f64) -> Self {
-        Self::of_cells(points, LayeredCells::one_layer(points, edge))
+        Self::of_cells(
+            points,
+            LayeredCells::one_layer(points, |&point| point, edge),
+        )
     }
 
     /// Sorts `points` into the layers that `layers` gives, one to a point; the cells of layer *k* have the edge
@@ -42,7 +45,8 @@ impl NeighborGrid {
     ///
     /// As [`LayeredCells::sort`].
     pub(crate) fn layered(points: &[Local], layers: &[u8], edges: &[f64]) -> Self {
-        Self::of_cells(points, LayeredCells::sort(points, layers, edges))
+        let cells = LayeredCells::sort(points, |&point| point, layers, edges);
+        Self::of_cells(points, cells)
     }
 
     fn of_cells(points: &[Local], (cells, order): (LayeredCells, Vec<u32>)) -> Self {

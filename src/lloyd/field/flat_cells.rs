@@ -26,8 +26,7 @@ impl FlatCells {
         sources: &Sources,
         slope: f64,
     ) -> Self {
-        let middles: Vec<Local> = listed.iter().map(|source| source.middle).collect();
-        let (cells, order) = LayeredCells::sort(&middles, layers, edges);
+        let (cells, order) = LayeredCells::sort(listed, |source| source.middle, layers, edges);
         let spacing = |&index: &u32| {
             let source = &listed[index as usize];
             let radius = HALF_DIAGONAL_IN_EDGES * edges[usize::from(layers[index as usize])];

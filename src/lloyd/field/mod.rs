@@ -170,11 +170,23 @@ impl SpacingField {
 
     /// `positions` in cells that are `in_spacings` wide, and the order of the positions in them.
     pub(crate) fn cells(&self, positions: &[Local], in_spacings: f64) -> (LayeredCells, Vec<u32>) {
+        self.cells_of(positions, |&position| position, in_spacings)
+    }
+
+    /// `points`, each at its `position`, in cells that are `in_spacings` wide, and the order of the points in them.
+    pub(crate) fn cells_of<P: Sync>(
+        &self,
+        points: &[P],
+        position: impl Fn(&P) -> Local + Sync,
+        in_spacings: f64,
+    ) -> (LayeredCells, Vec<u32>) {
         match &self.graded {
-            None => LayeredCells::one_layer(positions, in_spacings * self.coarsest),
+            None => LayeredCells::one_layer(points, position, in_spacings * self.coarsest),
             Some(graded) => {
-                let layers = graded.layers_of(&self.at_all(positions));
-                LayeredCells::sort(positions, &layers, &graded.edges(in_spacings))
+                let places = points.par_iter().with_max_len(ITEMS_PER_TASK);
+                let spacings: Vec<f64> = places.map(|point| self.at(position(point))).collect();
+                let (layers, edges) = (graded.layers_of(&spacings), graded.edges(in_spacings));
+                LayeredCells::sort(points, position, &layers, &edges)
             }
         }
     }

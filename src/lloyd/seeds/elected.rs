@@ -37,8 +37,11 @@ pub(super) fn elected(surface: Surface<'_>) -> Vec<Stored> {
     // One point to a voxel says where a surface is. Elsewhere every point counts: what no seed
     // covers there is not covered later.
     let is_on_surface = |voxel: &&[Stored]| nodes.have(scan.quantization().local(voxel[0]));
-    let (surfaces, loose): (Vec<&[Stored]>, Vec<&[Stored]>) =
-        scan.points_by_voxel().partition(is_on_surface);
+    let (surfaces, loose) = {
+        let voxels = scan.points_by_voxel();
+        let (surfaces, loose): (Vec<_>, Vec<_>) = voxels.partition(is_on_surface);
+        (surfaces, loose.concat())
+    };
     let share_at = election.radius_shares();
     if surface.field().is_constant() {
         let surfaces = surfaces.into_par_iter();
@@ -48,7 +51,7 @@ pub(super) fn elected(surface: Surface<'_>) -> Vec<Stored> {
         // Where the spacing grows there are no nodes, and the seeds stand as densely as it says.
         election.elect_points(&surfaces.concat(), &share_at);
     }
-    let (on_surfaces, loose) = (election.seeds.len(), loose.concat());
+    let on_surfaces = election.seeds.len();
     let bricks = election.bricks(&loose);
     election.elect_loose(&bricks, &share_at);
     let nearest = election.center(on_surfaces, &bricks);

@@ -12,11 +12,13 @@
 //! Fronts start from the seeds of the surfaces and from some points far from them, and advance
 //! a bounded number of steps, so that none comes from far away.
 
+use std::ops::ControlFlow;
+
 use rayon::prelude::*;
 
 use super::{bricks::Bricks, election::Election};
 use crate::{
-    geometry::{Local, NeighborGrid, Stored},
+    geometry::{LayeredCells, Local, Stored},
     lloyd::surface::Surface,
 };
 
@@ -45,92 +47,130 @@ const RINGS_IN_SPACINGS: [f64; 6] = [0.1, 0.1, 0.1, 0.2, 0.2, 0.2];
 /// Points are sorted anew, without those that are covered, where less than this share of them is left.
 const MOST_LEFT: f64 = 0.7;
 
-/// The scale by which the radii of an election become lengths at a position.
-struct RadiusScale {
-    /// The spacing at the position (CRS units).
-    spacing: f64,
-    /// The [share](Election::radius_shares) of every radius that holds there.
-    share: f64,
-}
+/// A point with its squared distance to the nearest seed (CRS units squared), exact as far as it is needed.
+type Distant = (Stored, f64);
 
-impl RadiusScale {
-    /// The square of a `radius` (spacings), in CRS units squared. In an election by this radius a seed that is nearer covers a
-    /// point at the position.
-    fn squared(&self, radius: f64) -> f64 {
-        (radius * self.share * self.spacing).powi(2)
-    }
-}
-
-/// A point with its squared distance to the nearest seed (CRS units squared), exact as far as it
-/// is needed, and with its [share](Election::radius_shares) of every radius.
-type Distant = (Stored, f64, f64);
-
-/// The points that no seed covers yet, in the order of their priorities.
-struct Uncovered {
+/// The points that no seed covers yet, sorted by cell.
+///
+/// In leaves, which hold most of a tile's points, an election is where a tile takes the most memory. So nothing is held twice.
+struct Uncovered<'a> {
+    surface: Surface<'a>,
     points: Vec<Stored>,
-    positions: Vec<Local>,
-    grid: NeighborGrid,
-    /// The squared distance of each point to the nearest seed.
+    /// The squared distance of each point to the nearest seed (CRS units squared), exact as far as it is needed.
     nearest: Vec<f64>,
-    /// The spacing at each point (CRS units).
-    spacings: Vec<f64>,
-    /// The share of every radius that holds at each point.
-    shares: Vec<f64>,
+    /// The length of a radius of one at each point (CRS units): its [share](Election::radius_shares) of the spacing. `None` where the
+    /// spacing is the same everywhere, and this is the spacing.
+    lengths: Option<Vec<f64>>,
+    cells: LayeredCells,
+    /// The indices of the points in the order of their priorities.
+    by_priority: Vec<u32>,
     /// The factor by which a spacing within the widest reach may be coarser.
     widening: f64,
 }
 
-impl Uncovered {
-    /// Takes the `points`, in the order of their priorities, for an election on `surface`.
-    fn new(points: &[Distant], surface: Surface<'_>) -> Self {
-        let quantization = surface.quantization();
-        let position = |&(point, ..): &Distant| quantization.local(point);
-        let positions: Vec<Local> = points.par_iter().map(position).collect();
-        let field = surface.field();
-        let spacings = field.at_all(&positions);
+impl<'a> Uncovered<'a> {
+    /// Sorts `points`, with what is known of each, for an election on `surface`.
+    fn new(
+        points: Vec<Stored>,
+        nearest: Vec<f64>,
+        lengths: Option<Vec<f64>>,
+        surface: Surface<'a>,
+    ) -> Self {
+        let (field, quantization) = (surface.field(), surface.quantization());
+        let (cells, order) = field.cells_of(&points, |&point| quantization.local(point), 1.0);
+        let points = in_order(points, &order);
+        let nearest = in_order(nearest, &order);
+        let lengths = lengths.map(|lengths| in_order(lengths, &order));
+        drop(order);
+        let priority =
+            |(&point, index): (&Stored, u32)| (point.priority(surface.options.seed), index);
+        let mut ranked: Vec<(u64, u32)> = points
+            .par_iter()
+            .zip(0..points.len() as u32)
+            .map(priority)
+            .collect();
+        ranked.par_sort_unstable_by_key(|&(priority, index)| (priority, points[index as usize]));
         Self {
-            grid: field.grid_by(&positions, &spacings, 1.0),
-            points: points.iter().map(|&(point, ..)| point).collect(),
-            nearest: points.iter().map(|&(_, nearest, _)| nearest).collect(),
-            shares: points.iter().map(|&(.., share)| share).collect(),
-            spacings,
+            by_priority: ranked.iter().map(|&(_, index)| index).collect(),
             widening: field.widening(NUCLEUS_DISTANCE_IN_SPACINGS),
-            positions,
+            surface,
+            points,
+            nearest,
+            lengths,
+            cells,
         }
     }
 
-    /// The square of a `radius` (spacings) at the point with this `index`, in CRS units squared.
-    fn squared(&self, index: usize, radius: f64) -> f64 {
-        let scale = RadiusScale {
-            spacing: self.spacings[index],
-            share: self.shares[index],
-        };
-        scale.squared(radius)
+    /// The indices of the points in the order of their priorities.
+    fn by_priority(&self) -> impl Iterator<Item = usize> {
+        self.by_priority.iter().map(|&index| index as usize)
+    }
+
+    /// The points that are at least `radius` (spacings) from the nearest seed, for the rest of the election.
+    fn left(self, radius: f64) -> Self {
+        let indices = 0..self.points.len();
+        let is_left: Vec<bool> = indices.map(|index| self.is_beyond(index, radius)).collect();
+        // The cells of both together would take twice the memory.
+        drop((self.cells, self.by_priority));
+        Self::new(
+            kept(self.points, &is_left),
+            kept(self.nearest, &is_left),
+            self.lengths.map(|lengths| kept(lengths, &is_left)),
+            self.surface,
+        )
+    }
+
+    /// The length of a radius of one at the point with this `index` (CRS units).
+    fn length(&self, index: usize) -> f64 {
+        match &self.lengths {
+            Some(lengths) => lengths[index],
+            None => self.surface.options.spacing,
+        }
     }
 
     /// Whether the point with this `index` is at least `radius` (spacings) from the nearest seed.
     fn is_beyond(&self, index: usize, radius: f64) -> bool {
-        self.nearest[index] >= self.squared(index, radius)
-    }
-
-    /// The points that are at least `radius` (spacings) from the nearest seed.
-    fn left(&self, radius: f64) -> Vec<Distant> {
-        let beyond = (0..self.points.len()).filter(|&index| self.is_beyond(index, radius));
-        let left =
-            beyond.map(|index| (self.points[index], self.nearest[index], self.shares[index]));
-        left.collect()
+        self.nearest[index] >= squared(radius, self.length(index))
     }
 
     /// Takes note of a seed at the point with this `index`, for the points within `reach`
     /// (spacings).
     fn cover(&mut self, index: usize, reach: f64) {
-        let (center, nearest) = (self.positions[index], &mut self.nearest);
-        let reach = reach * self.spacings[index] * self.widening;
-        self.grid.visit_around(center, reach, |other, position| {
-            let known = &mut nearest[other as usize];
-            *known = known.min((position - center).norm_squared());
-        });
+        let (points, nearest) = (&self.points, &mut self.nearest);
+        let quantization = self.surface.quantization();
+        let center = quantization.local(points[index]);
+        let reach = Local::repeat(reach * self.surface.field().at(center) * self.widening);
+        let _ = self
+            .cells
+            .visit_box(center - reach, center + reach, |cell| {
+                for (point, known) in points[cell.clone()].iter().zip(&mut nearest[cell]) {
+                    let squared = (quantization.local(*point) - center).norm_squared();
+                    *known = known.min(squared);
+                }
+                ControlFlow::<()>::Continue(())
+            });
     }
+}
+
+/// The `values` in this `order`.
+fn in_order<T: Copy + Send + Sync>(values: Vec<T>, order: &[u32]) -> Vec<T> {
+    order
+        .par_iter()
+        .map(|&index| values[index as usize])
+        .collect()
+}
+
+/// The `values` that are kept.
+fn kept<T>(mut values: Vec<T>, is_kept: &[bool]) -> Vec<T> {
+    let mut is_kept = is_kept.iter();
+    values.retain(|_| is_kept.next() == Some(&true));
+    values
+}
+
+/// The square of a `radius` (spacings) where one has this `length` (CRS units): in an election by this radius a seed that is nearer
+/// covers a point.
+fn squared(radius: f64, length: f64) -> f64 {
+    (radius * length).powi(2)
 }
 
 impl Election<'_> {
@@ -142,7 +182,8 @@ impl Election<'_> {
         share_at: impl Fn(Local, f64) -> f64 + Sync,
     ) {
         let radius = LOOSE_RADIUS_IN_SPACINGS;
-        self.elect_by_fronts(&self.uncovered(bricks, radius, share_at), radius);
+        let uncovered = self.uncovered(bricks, radius, &share_at);
+        self.elect_by_fronts(uncovered, radius, share_at);
     }
 
     /// Elects further seeds among these `points` once those from number `first` on have moved. Those before it stand on surfaces.
@@ -160,7 +201,7 @@ impl Election<'_> {
                 return true;
             };
             let position = self.local(point);
-            let covered = self.radius_scale(position, &share_at).squared(radius);
+            let covered = squared(radius, self.radius_length(position, &share_at));
             let way = self.local(self.seeds[nearest as usize]) - position;
             way.norm_squared() >= covered
         };
@@ -168,19 +209,29 @@ impl Election<'_> {
         let uncovered = with_nearest.filter(|&of_point| is_uncovered(of_point));
         let uncovered: Vec<Stored> = uncovered.map(|(&point, _)| point).collect();
         let of_surfaces = self.grid_of_first(first);
-        let mut left = self.uncovered(&self.bricks(&uncovered), radius, share_at);
-        left.retain(|&(point, ..)| {
+        let mut left = self.uncovered(&self.bricks(&uncovered), radius, &share_at);
+        left.retain(|&(point, _)| {
             let position = self.local(point);
             let reach = AWAY_FROM_SURFACES_IN_SPACINGS * field.at(position);
             !of_surfaces.any_within(position, reach)
         });
-        self.elect_by_fronts(&left, radius);
+        self.elect_by_fronts(left, radius, share_at);
     }
 
     /// Elects seeds among the `points`, in the order of their priorities, until each is within `radius` (spacings) of a seed.
-    fn elect_by_fronts(&mut self, points: &[Distant], radius: f64) {
-        let mut uncovered = Uncovered::new(points, self.surface);
-        for index in 0..uncovered.points.len() {
+    fn elect_by_fronts(
+        &mut self,
+        points: Vec<Distant>,
+        radius: f64,
+        share_at: impl Fn(Local, f64) -> f64 + Sync,
+    ) {
+        let (points, nearest): (Vec<Stored>, Vec<f64>) = points.into_iter().unzip();
+        let length = |&point: &Stored| self.radius_length(self.local(point), &share_at);
+        let is_graded = !self.surface.field().is_constant();
+        let lengths = is_graded.then(|| points.par_iter().map(length).collect());
+        let mut uncovered = Uncovered::new(points, nearest, lengths, self.surface);
+        for rank in 0..uncovered.points.len() {
+            let index = uncovered.by_priority[rank] as usize;
             if uncovered.is_beyond(index, NUCLEUS_DISTANCE_IN_SPACINGS) {
                 self.seeds.push(uncovered.points[index]);
                 uncovered.cover(index, NUCLEUS_DISTANCE_IN_SPACINGS);
@@ -198,14 +249,14 @@ impl Election<'_> {
             }
             // Those that are covered by now are in the way of all that follow.
             if (left as f64) < MOST_LEFT * all as f64 {
-                uncovered = Uncovered::new(&uncovered.left(radius), self.surface);
+                uncovered = uncovered.left(radius);
             }
             let limit = radius + width;
             let is_next = |&index: &usize| {
                 uncovered.is_beyond(index, radius)
-                    && uncovered.nearest[index] <= uncovered.squared(index, limit)
+                    && uncovered.nearest[index] <= squared(limit, uncovered.length(index))
             };
-            let front: Vec<usize> = (0..uncovered.points.len()).filter(is_next).collect();
+            let front: Vec<usize> = uncovered.by_priority().filter(is_next).collect();
             for index in front {
                 if uncovered.is_beyond(index, radius) {
                     self.seeds.push(uncovered.points[index]);
@@ -215,14 +266,13 @@ impl Election<'_> {
         }
     }
 
-    /// The scale of radii at `position`, with the share that `share_at` gives for it and the spacing there (CRS units).
-    fn radius_scale(&self, position: Local, share_at: impl Fn(Local, f64) -> f64) -> RadiusScale {
+    /// The length of a radius of one at `position`, with the share that `share_at` gives for it and the spacing there (CRS units).
+    fn radius_length(&self, position: Local, share_at: impl Fn(Local, f64) -> f64) -> f64 {
         let spacing = self.surface.field().at(position);
-        let share = share_at(position, spacing);
-        RadiusScale { spacing, share }
+        share_at(position, spacing) * spacing
     }
 
-    /// The points of the `bricks` that no seed within `radius` (spacings) covers, in the order of their priorities.
+    /// The points of the `bricks` that no seed within `radius` (spacings) covers.
     fn uncovered(
         &self,
         bricks: &Bricks<'_>,
@@ -230,11 +280,10 @@ impl Election<'_> {
         share_at: impl Fn(Local, f64) -> f64 + Sync,
     ) -> Vec<Distant> {
         let reach = NUCLEUS_DISTANCE_IN_SPACINGS;
-        let mut left: Vec<(u64, Distant)> = self.by_brick(bricks, &self.grid(), reach, |brick| {
+        self.by_brick(bricks, &self.grid(), reach, |brick| {
             let with_distance = |&point: &Stored| {
                 let position = self.local(point);
-                let scale = self.radius_scale(position, &share_at);
-                let covered = scale.squared(radius);
+                let covered = squared(radius, self.radius_length(position, &share_at));
                 let mut nearest = f64::INFINITY;
                 // Most points are covered by one of the seeds in the middle.
                 for seed in brick.seeds {
@@ -243,11 +292,9 @@ impl Election<'_> {
                         return None;
                     }
                 }
-                Some((self.priority(point), (point, nearest, scale.share)))
+                Some((point, nearest))
             };
             brick.points.iter().filter_map(with_distance).collect()
-        });
-        left.par_sort_unstable_by_key(|&(priority, (point, ..))| (priority, point));
-        left.into_iter().map(|(_, distant)| distant).collect()
+        })
     }
 }
