@@ -1,4 +1,4 @@
-"""Writes clouds with a place a thousand times denser than the rest, and finds spacings for a scan.
+"""Writes clouds with a place a thousand times denser than the rest, or of leaves alone, and finds spacings for a scan.
 
     clouds.py write NAME OUT [MILLIONS]          writes one of CLOUDS as LAS
     clouds.py spacings SCAN N                    prints N spacings as JSON, the coarsest first
@@ -64,7 +64,16 @@ def standing(random, count):
     return points + random.normal(0, 0.003, points.shape)
 
 
-CLOUDS = {cloud.__name__: cloud for cloud in [patch, pole, heap, heap_on_plane, standing]}
+def leaves(random, count):
+    """Crowns of trees without trunks: points anywhere in balls of 3 m radius, on no surface."""
+    centers = random.uniform([0, 0, 4], [60, 60, 10], (40, 3))
+    directions = random.normal(size=(count, 3))
+    directions /= numpy.linalg.norm(directions, axis=1)[:, None]
+    radii = 3 * random.uniform(0, 1, count) ** (1 / 3)
+    return centers[random.integers(len(centers), size=count)] + radii[:, None] * directions
+
+
+CLOUDS = {cloud.__name__: cloud for cloud in [patch, pole, heap, heap_on_plane, standing, leaves]}
 
 
 def square(random, count, edge):

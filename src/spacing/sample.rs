@@ -20,8 +20,6 @@ use crate::{
     tiling::{CountedCloud, Plan, PlanOptions, Square, Tile},
 };
 
-/// Approximate number of seeds in a part: the part sees a third of them again around itself.
-const SEEDS_PER_PART: f64 = 1_500.0;
 /// The least and the largest number of points in a part.
 const POINTS_PER_PART: [f64; 2] = [22_500.0, 1_000_000.0];
 /// Points of a square count as far as they are this many times what a scan keeps of a plane. Were all counted,
@@ -148,12 +146,13 @@ pub(super) struct Parts<'a, C> {
 }
 
 impl<'a, C: CountedCloud> Parts<'a, C> {
-    /// Cuts `cloud` into parts for `options`, and takes every n-th, such that these contain approximately
-    /// `max_points` points. Their voxels are not counted: parts count alike.
+    /// Cuts `cloud` into parts of approximately `seeds_per_part` seeds for `options`, and takes every n-th, such that these
+    /// contain approximately `max_points` points. Their voxels are not counted: parts count alike.
     pub(super) fn cut(
         cloud: &'a C,
         quantization: &'a Quantization,
         options: &SolverOptions,
+        seeds_per_part: f64,
         max_points: u64,
     ) -> Self {
         let halo = quantization.units(PART_HALO_IN_SPACINGS * options.spacing);
@@ -162,7 +161,7 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
             halo,
             margin: quantization.units(options.farthest_seed()),
             tile_edge: None,
-            most_cost: (SEEDS_PER_PART / options.seeds_per_point).clamp(least, most) as u64,
+            most_cost: (seeds_per_part / options.seeds_per_point).clamp(least, most) as u64,
         };
         let edge = cloud.square_edge();
         let width = edge as f64 * quantization.scale;

@@ -17,6 +17,8 @@ use crate::{
     tiling::CountedCloud,
 };
 
+/// Approximate number of seeds in a part: the part sees a third of them again around itself.
+const SEEDS_PER_PART: f64 = 1_500.0;
 /// Points whose voxels are counted to meet a count.
 const POINTS_FOR_COUNT: u64 = 30_000_000;
 /// Points whose voxels are counted to estimate what a spacing gives.
@@ -25,6 +27,14 @@ const POINTS_FOR_ESTIMATE: u64 = 3_000_000;
 const ESTIMATE_SAMPLE: SampleSize = SampleSize {
     parts: 8.0,
     share: 0.04,
+};
+/// Approximate number of seeds in a part of those that say what tiles will take.
+const SEEDS_PER_SMALL_PART: f64 = 300.0;
+/// Parts in which seeds are elected to say what tiles will take. At 34 spacings of ten scans the count was wrong by 3.6 % (root mean
+/// square), once by 14 %; by voxels alone by 17 %, once by 44 %.
+const SAMPLE_OF_SMALL_PARTS: SampleSize = SampleSize {
+    parts: 10.0,
+    share: 0.0,
 };
 /// Parts in which seeds are elected to meet a count. On six scans at three counts each the sites came out within 1.4 % of the
 /// count, and within 1 % at 16 of the 18.
@@ -75,10 +85,14 @@ pub(crate) fn estimated_count<C: CountedCloud>(
     spacing: f64,
 ) -> Result<f64, SpacingError<C::Error>> {
     let options = estimate_options(cloud, quantization, settings, spacing);
-    let mut parts = Parts::cut(cloud, quantization, &options, POINTS_FOR_ESTIMATE);
-    // Voxels say nothing where the spacing varies.
-    let is_graded = options.grading.is_some();
-    let is_dense = !is_graded && options.seeds_per_point < DENSE_SITES_PER_POINT;
+    let mut parts = Parts::cut(
+        cloud,
+        quantization,
+        &options,
+        SEEDS_PER_PART,
+        POINTS_FOR_ESTIMATE,
+    );
+    let is_dense = is_dense(&options);
     if is_dense || !parts.are_all_drawn(ESTIMATE_SAMPLE) {
         let counted = parts.count_voxels(&options);
         counted.map_err(SpacingError::Gather)?;
@@ -88,6 +102,45 @@ pub(crate) fn estimated_count<C: CountedCloud>(
     }
     let counts = parts.elect(&parts.draw(ESTIMATE_SAMPLE), &options);
     Ok(parts.seeds(counts.map_err(SpacingError::Gather)?))
+}
+
+/// Whether [`estimated_count`] goes by voxels alone, and may be far from what `spacing` (CRS units) gives.
+pub(crate) fn is_estimated_by_voxels(
+    cloud: &impl CountedCloud,
+    quantization: &Quantization,
+    settings: &SolverSettings,
+    spacing: f64,
+) -> bool {
+    is_dense(&estimate_options(cloud, quantization, settings, spacing))
+}
+
+/// Whether voxels alone say how many sites `options` give. They say nothing where the spacing varies.
+fn is_dense(options: &SolverOptions) -> bool {
+    options.grading.is_none() && options.seeds_per_point < DENSE_SITES_PER_POINT
+}
+
+/// The number of sites that `cloud` gives with `options`, estimated by seeds that are elected, whether voxels would tell it or not.
+///
+/// # Errors
+///
+/// If a part of the cloud cannot be gathered.
+pub(crate) fn elected_count<C: CountedCloud>(
+    cloud: &C,
+    quantization: &Quantization,
+    options: &SolverOptions,
+) -> Result<f64, C::Error> {
+    let mut parts = Parts::cut(
+        cloud,
+        quantization,
+        options,
+        SEEDS_PER_SMALL_PART,
+        POINTS_FOR_ESTIMATE,
+    );
+    if !parts.are_all_drawn(SAMPLE_OF_SMALL_PARTS) {
+        parts.count_voxels(options)?;
+    }
+    let counts = parts.elect(&parts.draw(SAMPLE_OF_SMALL_PARTS), options)?;
+    Ok(parts.seeds(counts))
 }
 
 /// The options with which seeds are elected to estimate what `spacing` gives.
@@ -131,7 +184,13 @@ pub(crate) fn spacing_for_count<C: CountedCloud>(
         .clamp(4.0 * scale, extent);
     let sites_per_point = count as f64 / points as f64;
     let options = settings.at(guess, sites_per_point);
-    let mut parts = Parts::cut(cloud, quantization, &options, POINTS_FOR_COUNT);
+    let mut parts = Parts::cut(
+        cloud,
+        quantization,
+        &options,
+        SEEDS_PER_PART,
+        POINTS_FOR_COUNT,
+    );
     let counted = parts.count_voxels(&options);
     counted.map_err(SpacingError::Gather)?;
     let by_voxels = guess * (parts.sites(SITES_PER_VOXEL) / count as f64).sqrt();

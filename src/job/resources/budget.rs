@@ -15,13 +15,15 @@ const BYTES_PER_DECODER: u64 = 16 << 20;
 const BYTES_PER_REMOTE_DECODER: u64 = 12 << 20;
 /// Bytes per point of a tile that is being read; the sort of the scan is the peak.
 const BYTES_PER_POINT_READ: f64 = 32.0;
+/// Bytes per point of a tile whose seeds are being elected, if none of its points lie on a surface.
+const BYTES_PER_POINT_ELECTED: f64 = 66.0;
 /// Bytes per point of a tile that is being solved.
 const BYTES_PER_POINT_SOLVED: f64 = 9.0;
 /// Bytes per voxel of a tile's scan: sample, table, order.
 const BYTES_PER_VOXEL: f64 = 50.0;
 /// Approximate number of voxels per seed: six on a plane that is parallel to the lattice, nine on
-/// one that crosses it.
-const VOXELS_PER_SEED: f64 = 9.0;
+/// one that crosses it, twelve in the crowns of trees.
+const VOXELS_PER_SEED: f64 = 12.0;
 /// Positions that the filling adds per seed where the scan is coarser than the output.
 const FILLED_POSITIONS_PER_SEED: f64 = 4.0;
 /// Bytes per seed of a tile: states, steps, responses to moves, histories.
@@ -144,13 +146,14 @@ impl Budget {
 }
 
 /// The cost in bytes of a tile with `points` in at most `voxels`, and `seeds`: what it takes while
-/// it is read or while it is solved, whichever is more.
+/// it is read, while its seeds are elected or while it is solved, whichever is most.
 pub(crate) fn tile_bytes(points: f64, voxels: f64, seeds: f64) -> f64 {
     // Each filled position occupies a voxel of its own.
     let voxels = (seeds * VOXELS_PER_SEED).min(voxels + seeds * FILLED_POSITIONS_PER_SEED);
     let read = BYTES_PER_POINT_READ * points;
     let solved = BYTES_PER_POINT_SOLVED * points + BYTES_PER_SEED * seeds;
-    BYTES_PER_VOXEL * voxels + read.max(solved)
+    let elected = BYTES_PER_POINT_ELECTED * points;
+    BYTES_PER_VOXEL * voxels + read.max(elected).max(solved)
 }
 
 /// The largest number of points of a tile that costs `bytes`.

@@ -16,11 +16,15 @@ use crate::{
         resources::{points_for, tile_bytes},
     },
     lloyd::{AREA_PER_SEED, SolverOptions, Thinning},
+    spacing::{Target, elected_count, is_estimated_by_voxels},
     tiling::{CountedCloud, Square},
 };
 
 /// A tile may have this factor more seeds than estimated.
 const SEED_MARGIN: f64 = 1.25;
+/// Where voxels alone say how many sites a spacing gives, there may be this factor more: on the scan of one tripod, far from which
+/// holes are filled, it was 1.78.
+const VOXEL_SEED_MARGIN: f64 = 2.0;
 /// Occupied voxels to a seed where the scan is dense: five on a plane that is parallel to the axes.
 const VOXELS_PER_DENSE_SEED: f64 = 7.0;
 /// A tile takes this factor more where the spacing varies: for what is known of each point, the field, and points that are
@@ -39,7 +43,8 @@ struct KeptCounts {
 }
 
 /// Lists the occupied counting squares, with the memory that a tile takes for each if the cloud has
-/// approximately `points_out` sites.
+/// approximately `points_out` sites. Where voxels alone say so, and one tile may have no room for all of
+/// them, seeds are elected in parts of the cloud to know how many there are.
 ///
 /// # Errors
 ///
@@ -49,19 +54,13 @@ pub(super) fn costed_squares(
     options: &SolverOptions,
     points_out: u64,
 ) -> Result<Vec<Square>, JobError> {
-    let spill = cloud.spill;
+    let (spill, settings) = (cloud.spill, &cloud.run.job.settings);
     let factor = match options.grading {
         None => 1.0,
         Some(_) => GRADED_FACTOR,
     };
     // If one tile has room for all points, it does not matter how many of them are where.
     let values = spill.values() as f64;
-    let all = |_, points: u64| {
-        let share = points as f64 / spill.points() as f64;
-        let points = share * values;
-        let seeds = SEED_MARGIN * share * points_out as f64;
-        factor * tile_bytes(points, points, seeds)
-    };
     let squares = |cost: &dyn Fn([i64; 2], u64) -> f64| -> Vec<Square> {
         let square = |(index, points)| Square {
             index,
@@ -70,9 +69,27 @@ pub(super) fn costed_squares(
         };
         spill.squares().map(square).collect()
     };
-    let as_one = squares(&all);
-    if as_one.iter().map(|square| square.cost).sum::<u64>() <= cloud.budget().tile() {
-        return Ok(as_one);
+    let as_one = |all_seeds: f64| -> Option<Vec<Square>> {
+        let squares = squares(&|_, points| {
+            let share = points as f64 / spill.points() as f64;
+            let points = share * values;
+            factor * tile_bytes(points, points, share * all_seeds)
+        });
+        let cost: u64 = squares.iter().map(|square| square.cost).sum();
+        (cost <= cloud.budget().tile()).then_some(squares)
+    };
+    let mut sites = points_out as f64;
+    let quantization = cloud.quantization();
+    if let Target::Spacing(spacing) = settings.target
+        && is_estimated_by_voxels(spill, quantization, &settings.solver, spacing)
+    {
+        if let Some(squares) = as_one(VOXEL_SEED_MARGIN * sites) {
+            return Ok(squares);
+        }
+        sites = elected_count(spill, quantization, options)?;
+    }
+    if let Some(squares) = as_one(SEED_MARGIN * sites) {
+        return Ok(squares);
     }
 
     // Count what remains after thinning, and estimate the seeds.
@@ -83,7 +100,7 @@ pub(super) fn costed_squares(
         let voxels = kept.voxels as f64;
         (voxels / VOXELS_PER_DENSE_SEED).max(voxels.min(room))
     };
-    let scale = SEED_MARGIN * points_out as f64 / kept.values().map(seeds).sum::<f64>().max(1.0);
+    let scale = SEED_MARGIN * sites / kept.values().map(seeds).sum::<f64>().max(1.0);
     Ok(squares(&|index, points| {
         let kept = kept.get(&index).copied().unwrap_or(KeptCounts {
             points,
