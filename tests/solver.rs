@@ -174,7 +174,7 @@ fn every_rule_and_acceleration_ends_more_even_than_it_began() {
                 ..SolverOptions::new(h)
             };
             let solution = run(sheet(100_000), &TileRegion::everything(), &options);
-            let (before, _) = uniformity(&solution.seeds, &solution, h);
+            let before = solution.seeds.figures();
             let (after, _) = uniformity(&solution.sites, &solution, h);
             assert!(
                 after.energy_ratio < before.energy_ratio

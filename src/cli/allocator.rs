@@ -34,7 +34,7 @@ fn restart_with_limit() {
     use std::{env, os::unix::process::CommandExt, process::Command};
 
     /// The variables: the limit in bytes, and the number of heaps.
-    const LIMIT: (&str, &str) = ("MALLOC_MMAP_THRESHOLD_", "1048576");
+    const LIMIT: (&str, &str) = ("MALLOC_MMAP_THRESHOLD_", "65536");
     const HEAPS: (&str, &str) = ("MALLOC_ARENA_MAX", "1");
     let mut words = env::args_os();
     if env::var_os(LIMIT.0).is_none()

@@ -15,10 +15,11 @@ use super::{
     site_state::SiteState,
     sites::Sites,
     surface::Surface,
+    tally::uniformity,
 };
 use crate::{
     geometry::{Local, Stored},
-    quality::DistanceSums,
+    quality::{DistanceSums, UniformityTally},
 };
 
 /// Receives the share of the work that is done, between 0 and 1, from time to time, and says
@@ -46,8 +47,10 @@ pub(super) struct Course<'a> {
     next: u32,
     pub(super) sites: Sites<'a>,
     accelerator: Accelerator,
-    /// The wanted sites before the first iteration of all, in the order of their identities.
-    pub(super) seeds: Vec<Site>,
+    /// The figures of the core's sites before the first iteration of all.
+    pub(super) seeds: UniformityTally,
+    /// The distances from the core's sites to their nearest neighbours before the first iteration of all.
+    seed_distances: DistanceSums,
     /// The identities of the core's seeds that are isolated, in order; left out of the sites if the options say so.
     pub(super) isolated: Vec<Stored>,
     /// The distances from the core's sites to their nearest neighbours, at the start of every
@@ -99,7 +102,8 @@ impl<'a> Course<'a> {
         // The first Lloyd step shares its cells with the figures of the seeds.
         let mut sites = Sites::new(surface, region, &identities, &positions);
         sites.mark_exact_seeds(&cone);
-        let seeds = sites.first_step(&cone);
+        let mut seeds = sites.first_step(&cone);
+        seeds.retain(|seed| region.core.contains(seed.identity));
         let accelerator = Accelerator::new(
             options.acceleration,
             &sites.identities,
@@ -114,7 +118,8 @@ impl<'a> Course<'a> {
             cone,
             sites,
             accelerator,
-            seeds,
+            seeds: uniformity(&seeds, options.spacing),
+            seed_distances: nearest_distances(region, &seeds, options.spacing),
             isolated,
             convergence: Vec::new(),
         })
@@ -138,7 +143,8 @@ impl<'a> Course<'a> {
             round,
             sites,
             accelerator: Accelerator::resume(options.acceleration, memories),
-            seeds: Vec::new(),
+            seeds: UniformityTally::new(options.spacing),
+            seed_distances: DistanceSums::default(),
             isolated: Vec::new(),
             convergence: Vec::new(),
         }
@@ -158,7 +164,7 @@ impl<'a> Course<'a> {
             let share = share_before(iteration, self.options);
             consult(monitor, self.options, &self.round, share)?;
             self.convergence.push(match iteration {
-                0 => nearest_distances(self.region, &self.seeds, self.options.spacing),
+                0 => self.seed_distances,
                 _ => self.sites.lloyd_step(&self.cone, iteration),
             });
             let next = self.accelerator.next(&Iterate {

@@ -83,24 +83,26 @@ impl<'a> Sites<'a> {
             steps,
             ..
         } = self;
-        let wanted = steps
-            .into_iter()
-            .enumerate()
-            .filter(|&(site, _)| region.wants(identities[site]));
-        wanted
-            .map(|(site, step)| SiteState {
-                identity: identities[site],
-                position: neighborhoods.positions()[site],
-                last_move: neighborhoods.last_move(site),
-                links: step
-                    .links
-                    .sites()
-                    .map(|link| identities[link as usize])
-                    .collect(),
-                memory: memories.as_ref().map(|memories| memories[site]),
-                step: step.kept(),
-            })
-            .collect()
+        let is_wanted = |&site: &usize| region.wants(identities[site]);
+        let state = |site: usize, step: Step| SiteState {
+            identity: identities[site],
+            position: neighborhoods.positions()[site],
+            last_move: neighborhoods.last_move(site),
+            links: step
+                .links
+                .sites()
+                .map(|link| identities[link as usize])
+                .collect(),
+            memory: memories.as_ref().map(|memories| memories[site]),
+            step: step.kept(),
+        };
+        // States are large: a vector of them that grows would take much of a tile's memory.
+        let count = (0..steps.len()).filter(is_wanted).count();
+        let mut states = Vec::with_capacity(count);
+        let steps = steps.into_iter().enumerate();
+        let wanted = steps.filter(|(site, _)| is_wanted(site));
+        states.extend(wanted.map(|(site, step)| state(site, step)));
+        states
     }
 
     /// Marks the sites whose seeds every tile elects as exact.
@@ -280,8 +282,11 @@ impl<'a> Sites<'a> {
                 work(step, identities[vicinity.site], found, surface, vicinity);
             },
         );
-        // In place: all sites together take a good part of the memory.
-        found.into_iter().flatten().collect()
+        // All sites together take a good part of the memory: so this is done in place, which flattening is not.
+        let found = found.into_iter();
+        found
+            .map(|found| found.expect("work is done on every wanted site"))
+            .collect()
     }
 
     /// Whether each site is exact.

@@ -17,7 +17,7 @@ use super::{
 };
 use crate::{
     geometry::{Local, Stored},
-    quality::DistanceSums,
+    quality::{DistanceSums, UniformityTally},
 };
 
 /// The result of [`solve`].
@@ -25,9 +25,8 @@ use crate::{
 pub struct Solution {
     /// The sites of core and band, in the order of their identities.
     pub sites: Vec<Site>,
-    /// The sites of core and band before the first iteration, in the order of their
-    /// identities.
-    pub seeds: Vec<Site>,
+    /// The figures of the core's sites before the first iteration.
+    pub seeds: UniformityTally,
     /// The distances from the core's sites to their nearest neighbours, at the start of every
     /// iteration and after the last.
     pub convergence: Vec<DistanceSums>,
@@ -39,8 +38,8 @@ pub struct Solution {
 pub(crate) struct FirstRound {
     /// The states of the sites of the core.
     pub(crate) states: Vec<SiteState>,
-    /// The sites of the core before the first iteration, in the order of their identities.
-    pub(crate) seeds: Vec<Site>,
+    /// The figures of the core's sites before the first iteration.
+    pub(crate) seeds: UniformityTally,
     /// The distances from the core's sites to their nearest neighbours, at the start of every
     /// iteration of the round.
     pub(crate) convergence: Vec<DistanceSums>,
@@ -128,13 +127,11 @@ pub(crate) fn solve_first_round(
         true => course.candidates(),
         false => Candidates::default(),
     };
-    let in_core = |identity: Stored| region.core.contains(identity);
-    course.seeds.retain(|seed| in_core(seed.identity));
-    let seeds = std::mem::take(&mut course.seeds);
+    let seeds = course.seeds.clone();
     let convergence = std::mem::take(&mut course.convergence);
     let isolated = std::mem::take(&mut course.isolated);
     let mut states = course.into_states();
-    states.retain(|state| in_core(state.identity));
+    states.retain(|state| region.core.contains(state.identity));
     Ok(FirstRound {
         states,
         seeds,
@@ -145,7 +142,7 @@ pub(crate) fn solve_first_round(
 }
 
 /// Does the last of two rounds on `scan`, for the sites of `region`, with all sites that are known
-/// there, `resumed` as the first round left them. The seeds, the convergence of the first round and the isolated
+/// there, `resumed` as the first round left them. The figures of the seeds, the convergence of the first round and the isolated
 /// seeds are missing from the solution. `monitor` is consulted before every iteration.
 ///
 /// # Errors

@@ -16,7 +16,7 @@ const BYTES_PER_REMOTE_DECODER: u64 = 12 << 20;
 /// Bytes per point of a tile that is being read; the sort of the scan is the peak.
 const BYTES_PER_POINT_READ: f64 = 32.0;
 /// Bytes per point of a tile whose seeds are being elected, if none of its points lie on a surface.
-const BYTES_PER_POINT_ELECTED: f64 = 66.0;
+const BYTES_PER_POINT_ELECTED: f64 = 45.0;
 /// Bytes per point of a tile that is being solved.
 const BYTES_PER_POINT_SOLVED: f64 = 9.0;
 /// Bytes per voxel of a tile's scan: sample, table, order.
@@ -26,8 +26,10 @@ const BYTES_PER_VOXEL: f64 = 50.0;
 const VOXELS_PER_SEED: f64 = 12.0;
 /// Positions that the filling adds per seed where the scan is coarser than the output.
 const FILLED_POSITIONS_PER_SEED: f64 = 4.0;
+/// Points per seed of a scan that is so dense that hardly any positions are filled.
+const POINTS_PER_SEED_WITHOUT_FILLING: f64 = 8.0;
 /// Bytes per seed of a tile: states, steps, responses to moves, histories.
-const BYTES_PER_SEED: f64 = 950.0;
+const BYTES_PER_SEED: f64 = 750.0;
 /// Share of the cost of a tile that its points and voxels take before it is solved, at most.
 const WAITING_SHARE: f64 = 0.5;
 /// Share of the budget that a tile may use, because the allocator does not return all memory at
@@ -149,7 +151,9 @@ impl Budget {
 /// it is read, while its seeds are elected or while it is solved, whichever is most.
 pub(crate) fn tile_bytes(points: f64, voxels: f64, seeds: f64) -> f64 {
     // Each filled position occupies a voxel of its own.
-    let voxels = (seeds * VOXELS_PER_SEED).min(voxels + seeds * FILLED_POSITIONS_PER_SEED);
+    let sparse = (1.0 - points / (POINTS_PER_SEED_WITHOUT_FILLING * seeds)).max(0.0);
+    let filled = sparse * FILLED_POSITIONS_PER_SEED * seeds;
+    let voxels = (seeds * VOXELS_PER_SEED).min(voxels + filled);
     let read = BYTES_PER_POINT_READ * points;
     let solved = BYTES_PER_POINT_SOLVED * points + BYTES_PER_SEED * seeds;
     let elected = BYTES_PER_POINT_ELECTED * points;

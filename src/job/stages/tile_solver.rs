@@ -20,7 +20,7 @@ use crate::{
     las::RecordFormat,
     lloyd::{
         CountCorrection, FirstRound, Scan, Site, Solution, SolverOptions, ThinnedPoints,
-        TileRegion, WantedCount, solve_first_round, solve_last_round, solve_watched, uniformity,
+        TileRegion, WantedCount, solve_first_round, solve_last_round, solve_watched,
         uniformity_by_surface,
     },
     quality::{DistanceTally, UniformityTally},
@@ -156,7 +156,7 @@ impl TileSolver {
         let mut round = round.map_err(|_| TileError::Cancelled)?;
         let filling = scan.filling().iter().copied();
         let started = StartedTile::new(
-            uniformity(round.seeds.iter(), self.options.spacing),
+            round.seeds.clone(),
             std::mem::take(&mut round.convergence),
             filling.filter(|&p| region.core.contains(p)).collect(),
             std::mem::take(&mut round.isolated),
@@ -182,9 +182,7 @@ impl TileSolver {
             watch(SOLVER_SHARE * share)
         });
         let solution = solution.map_err(|_| TileError::Cancelled)?;
-        let in_core = |site: &&Site| loaded.tile.core.contains(site.identity);
-        let seeds = uniformity(solution.seeds.iter().filter(in_core), self.options.spacing);
-        self.complete(loaded, solution, seeds)
+        self.complete(loaded, solution)
     }
 
     /// Solves a tile that has done the first round, with its neighbours, in `started`, after `correction`. Returns its
@@ -210,9 +208,10 @@ impl TileSolver {
         });
         let mut solution = solution.map_err(|_| TileError::Cancelled)?;
         let before = started.started(loaded.tile.id)?;
+        solution.seeds = before.seeds;
         solution.convergence.splice(..0, before.convergence);
         solution.isolated = before.isolated;
-        let (solved, mut figures) = self.complete(loaded, solution, before.seeds)?;
+        let (solved, mut figures) = self.complete(loaded, solution)?;
         figures.seconds = before.seconds;
         Ok((solved, figures))
     }
@@ -227,13 +226,11 @@ impl TileSolver {
         }
     }
 
-    /// The result of a tile by its `solution`, and its figures with a time of zero; those of its
-    /// `seeds` are known.
+    /// The result of a tile by its `solution`, and its figures with a time of zero.
     fn complete(
         &self,
         loaded: LoadedTile,
         solution: Solution,
-        seeds: UniformityTally,
     ) -> Result<(SolvedTile, TileFigures), JobError> {
         let LoadedTile {
             tile,
@@ -249,7 +246,7 @@ impl TileSolver {
             .sites
             .iter()
             .partition(|site| tile.core.contains(site.identity));
-        let mut figures = figures(&tile, &scan, &solution, seeds, &own, options);
+        let mut figures = figures(&tile, &scan, &solution, &own, options);
 
         // Transfer attributes from the scan to the sites of the core.
         let (records, distances) = self.transfer.records(
@@ -281,7 +278,6 @@ fn figures(
     tile: &Tile,
     scan: &Scan,
     solution: &Solution,
-    seeds: UniformityTally,
     own: &[Site],
     options: &SolverOptions,
 ) -> TileFigures {
@@ -295,7 +291,7 @@ fn figures(
         exact: own.iter().filter(|s| s.is_exact).count() as u64,
         isolated: solution.isolated.clone(),
         input: input_distances(scan, core, options),
-        seeds,
+        seeds: solution.seeds.clone(),
         on_surfaces,
         elsewhere,
         accuracy: DistanceTally::new(spacing),

@@ -72,7 +72,7 @@ impl Election<'_> {
     }
 
     /// Calls `work` for each of the `bricks`, with those `among` the seeds that are within `reach` (spacings) of it; gives all
-    /// results in the order of the points.
+    /// results, of which a brick has no more than points, in the order of the points.
     pub(super) fn by_brick<T: Send>(
         &self,
         bricks: &Bricks<'_>,
@@ -111,7 +111,8 @@ impl Election<'_> {
                 seeds,
             })
         };
-        let mut found = Vec::new();
+        // A vector that grows is in memory twice while it does.
+        let mut found = Vec::with_capacity(bricks.points.len());
         let count = bricks.ends.len();
         for first in (0..count).step_by(BRICKS_AT_A_TIME) {
             let bricks = first..count.min(first + BRICKS_AT_A_TIME);

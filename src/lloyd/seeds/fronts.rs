@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use super::{bricks::Bricks, election::Election};
 use crate::{
-    geometry::{LayeredCells, Local, Stored},
+    geometry::{LayeredCells, Local, Stored, sort_words},
     lloyd::surface::Surface,
 };
 
@@ -47,8 +47,15 @@ const RINGS_IN_SPACINGS: [f64; 6] = [0.1, 0.1, 0.1, 0.2, 0.2, 0.2];
 /// Points are sorted anew, without those that are covered, where less than this share of them is left.
 const MOST_LEFT: f64 = 0.7;
 
-/// A point with its squared distance to the nearest seed (CRS units squared), exact as far as it is needed.
-type Distant = (Stored, f64);
+/// Stands for the squared distance of a point that is covered.
+const COVERED: f64 = f64::NEG_INFINITY;
+
+/// Points that no seed covers, as an election begins with them.
+struct Distant {
+    points: Vec<Stored>,
+    /// The squared distance of each point to the nearest seed (CRS units squared), exact as far as it is needed.
+    nearest: Vec<f64>,
+}
 
 /// The points that no seed covers yet, sorted by cell.
 ///
@@ -62,36 +69,24 @@ struct Uncovered<'a> {
     /// spacing is the same everywhere, and this is the spacing.
     lengths: Option<Vec<f64>>,
     cells: LayeredCells,
-    /// The indices of the points in the order of their priorities.
-    by_priority: Vec<u32>,
+    /// The indices of the points, the point with the lowest priority first.
+    ranking: Vec<u32>,
     /// The factor by which a spacing within the widest reach may be coarser.
     widening: f64,
 }
 
 impl<'a> Uncovered<'a> {
-    /// Sorts `points`, with what is known of each, for an election on `surface`.
-    fn new(
-        points: Vec<Stored>,
-        nearest: Vec<f64>,
-        lengths: Option<Vec<f64>>,
-        surface: Surface<'a>,
-    ) -> Self {
+    /// Sorts `distant` points, with what is known of each, for an election on `surface`.
+    fn new(distant: Distant, lengths: Option<Vec<f64>>, surface: Surface<'a>) -> Self {
+        let Distant { points, nearest } = distant;
         let (field, quantization) = (surface.field(), surface.quantization());
         let (cells, order) = field.cells_of(&points, |&point| quantization.local(point), 1.0);
         let points = in_order(points, &order);
         let nearest = in_order(nearest, &order);
         let lengths = lengths.map(|lengths| in_order(lengths, &order));
         drop(order);
-        let priority =
-            |(&point, index): (&Stored, u32)| (point.priority(surface.options.seed), index);
-        let mut ranked: Vec<(u64, u32)> = points
-            .par_iter()
-            .zip(0..points.len() as u32)
-            .map(priority)
-            .collect();
-        ranked.par_sort_unstable_by_key(|&(priority, index)| (priority, points[index as usize]));
         Self {
-            by_priority: ranked.iter().map(|&(_, index)| index).collect(),
+            ranking: ranking(&points, surface.options.seed),
             widening: field.widening(NUCLEUS_DISTANCE_IN_SPACINGS),
             surface,
             points,
@@ -103,7 +98,7 @@ impl<'a> Uncovered<'a> {
 
     /// The indices of the points in the order of their priorities.
     fn by_priority(&self) -> impl Iterator<Item = usize> {
-        self.by_priority.iter().map(|&index| index as usize)
+        self.ranking.iter().map(|&index| index as usize)
     }
 
     /// The points that are at least `radius` (spacings) from the nearest seed, for the rest of the election.
@@ -111,13 +106,13 @@ impl<'a> Uncovered<'a> {
         let indices = 0..self.points.len();
         let is_left: Vec<bool> = indices.map(|index| self.is_beyond(index, radius)).collect();
         // The cells of both together would take twice the memory.
-        drop((self.cells, self.by_priority));
-        Self::new(
-            kept(self.points, &is_left),
-            kept(self.nearest, &is_left),
-            self.lengths.map(|lengths| kept(lengths, &is_left)),
-            self.surface,
-        )
+        drop((self.cells, self.ranking));
+        let left = Distant {
+            points: kept(self.points, &is_left),
+            nearest: kept(self.nearest, &is_left),
+        };
+        let lengths = self.lengths.map(|lengths| kept(lengths, &is_left));
+        Self::new(left, lengths, self.surface)
     }
 
     /// The length of a radius of one at the point with this `index` (CRS units).
@@ -150,6 +145,27 @@ impl<'a> Uncovered<'a> {
                 ControlFlow::<()>::Continue(())
             });
     }
+}
+
+/// The indices of `points` in the order of their priorities with this `seed`.
+fn ranking(points: &[Stored], seed: u64) -> Vec<u32> {
+    // One word each takes half of the memory of a whole priority and an index.
+    let word = |(point, index): (&Stored, u32)| {
+        point.priority(seed) >> u32::BITS << u32::BITS | u64::from(index)
+    };
+    let mut words: Vec<u64> = points
+        .par_iter()
+        .zip(0..points.len() as u32)
+        .map(word)
+        .collect();
+    sort_words(&mut words);
+    let point = |word: u64| points[word as u32 as usize];
+    words
+        .par_chunk_by_mut(|a, b| a >> u32::BITS == b >> u32::BITS)
+        .for_each(|alike| {
+            alike.sort_unstable_by_key(|&word| (point(word).priority(seed), point(word)))
+        });
+    words.iter().map(|&word| word as u32).collect()
 }
 
 /// The `values` in this `order`.
@@ -196,42 +212,36 @@ impl Election<'_> {
         share_at: impl Fn(Local, f64) -> f64 + Sync,
     ) {
         let (field, radius) = (self.surface.field(), LEFT_RADIUS_IN_SPACINGS);
-        let is_uncovered = |(&point, &nearest): (&Stored, &Option<u32>)| {
-            let Some(nearest) = nearest else {
-                return true;
-            };
-            let position = self.local(point);
-            let covered = squared(radius, self.radius_length(position, &share_at));
-            let way = self.local(self.seeds[nearest as usize]) - position;
-            way.norm_squared() >= covered
-        };
-        let with_nearest = points.par_iter().zip(nearest);
-        let uncovered = with_nearest.filter(|&of_point| is_uncovered(of_point));
-        let uncovered: Vec<Stored> = uncovered.map(|(&point, _)| point).collect();
         let of_surfaces = self.grid_of_first(first);
-        let mut left = self.uncovered(&self.bricks(&uncovered), radius, &share_at);
-        left.retain(|&(point, _)| {
+        let is_left = |(&point, &nearest): (&Stored, &Option<u32>)| {
             let position = self.local(point);
+            let is_covered = nearest.is_some_and(|nearest| {
+                let way = self.local(self.seeds[nearest as usize]) - position;
+                way.norm_squared() < squared(radius, self.radius_length(position, &share_at))
+            });
             let reach = AWAY_FROM_SURFACES_IN_SPACINGS * field.at(position);
-            !of_surfaces.any_within(position, reach)
-        });
+            !is_covered && !of_surfaces.any_within(position, reach)
+        };
+        let left = points.par_iter().zip(nearest);
+        let left = left.filter(|&of_point| is_left(of_point));
+        let left: Vec<Stored> = left.map(|(&point, _)| point).collect();
+        let left = self.uncovered(&self.bricks(&left), radius, &share_at);
         self.elect_by_fronts(left, radius, share_at);
     }
 
-    /// Elects seeds among the `points`, in the order of their priorities, until each is within `radius` (spacings) of a seed.
+    /// Elects seeds among `distant` points, in the order of their priorities, until each is within `radius` (spacings) of a seed.
     fn elect_by_fronts(
         &mut self,
-        points: Vec<Distant>,
+        distant: Distant,
         radius: f64,
         share_at: impl Fn(Local, f64) -> f64 + Sync,
     ) {
-        let (points, nearest): (Vec<Stored>, Vec<f64>) = points.into_iter().unzip();
         let length = |&point: &Stored| self.radius_length(self.local(point), &share_at);
         let is_graded = !self.surface.field().is_constant();
-        let lengths = is_graded.then(|| points.par_iter().map(length).collect());
-        let mut uncovered = Uncovered::new(points, nearest, lengths, self.surface);
+        let lengths = is_graded.then(|| distant.points.par_iter().map(length).collect());
+        let mut uncovered = Uncovered::new(distant, lengths, self.surface);
         for rank in 0..uncovered.points.len() {
-            let index = uncovered.by_priority[rank] as usize;
+            let index = uncovered.ranking[rank] as usize;
             if uncovered.is_beyond(index, NUCLEUS_DISTANCE_IN_SPACINGS) {
                 self.seeds.push(uncovered.points[index]);
                 uncovered.cover(index, NUCLEUS_DISTANCE_IN_SPACINGS);
@@ -278,10 +288,10 @@ impl Election<'_> {
         bricks: &Bricks<'_>,
         radius: f64,
         share_at: impl Fn(Local, f64) -> f64 + Sync,
-    ) -> Vec<Distant> {
+    ) -> Distant {
         let reach = NUCLEUS_DISTANCE_IN_SPACINGS;
-        self.by_brick(bricks, &self.grid(), reach, |brick| {
-            let with_distance = |&point: &Stored| {
+        let mut nearest = self.by_brick(bricks, &self.grid(), reach, |brick| {
+            let distance = |&point: &Stored| {
                 let position = self.local(point);
                 let covered = squared(radius, self.radius_length(position, &share_at));
                 let mut nearest = f64::INFINITY;
@@ -289,12 +299,23 @@ impl Election<'_> {
                 for seed in brick.seeds {
                     nearest = nearest.min((seed.position - position).norm_squared());
                     if nearest < covered {
-                        return None;
+                        return COVERED;
                     }
                 }
-                Some((point, nearest))
+                nearest
             };
-            brick.points.iter().filter_map(with_distance).collect()
-        })
+            brick.points.iter().map(distance).collect()
+        });
+        let is_uncovered = |squared: &f64| *squared != COVERED;
+        let count = nearest.iter().filter(|squared| is_uncovered(squared));
+        let mut points = Vec::with_capacity(count.count());
+        let all = bricks.points.iter().zip(&nearest);
+        points.extend(
+            all.filter(|(_, squared)| is_uncovered(squared))
+                .map(|(&point, _)| point),
+        );
+        nearest.retain(is_uncovered);
+        nearest.shrink_to_fit();
+        Distant { points, nearest }
     }
 }

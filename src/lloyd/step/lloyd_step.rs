@@ -164,11 +164,9 @@ impl Step {
         self.is_followed = false;
     }
 
-    /// Leaves a site that matters to no wanted site any more at `position`.
+    /// Leaves a site that matters to no wanted site any more at `position`, without what it needed to move.
     pub(crate) fn retire(&mut self, position: Local) {
-        self.reset(position);
-        self.nearest = None;
-        self.is_exact = false;
+        *self = Self::new(position);
     }
 
     /// III-B: fits the patch, unless the site is still near where it was fitted.
