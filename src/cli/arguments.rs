@@ -173,7 +173,7 @@ pub(super) enum Command {
         #[arg(short, long, value_name = "DIR", default_value = "man")]
         output: PathBuf,
     },
-    /// Simulate a street, resample it in 256 MiB, write a report
+    /// Simulate a street, resample it in 192 MiB, write a report
     Demo {
         /// Directory for everything
         #[arg(short, long, value_name = "DIR", default_value = "lloydar-demo")]

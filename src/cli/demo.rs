@@ -28,13 +28,13 @@ pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
     write_street(&street, &scans)?;
     let cloud = output.join("street.laz");
     result!(
-        "lloydar run {} -o {} --spacing 0.2 --memory 256MiB",
+        "lloydar run {} -o {} --spacing 0.2 --memory 192MiB",
         scans.display(),
         cloud.display()
     );
     let choices = Choices {
         spacing: Some(Length::plain(0.2)),
-        memory: Some(Bytes(256 << 20)),
+        memory: Some(Bytes(192 << 20)),
         ..Choices::default()
     };
     let page = with_ending(&cloud, REPORT_PAGE);

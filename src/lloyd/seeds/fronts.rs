@@ -319,3 +319,30 @@ impl Election<'_> {
         Distant { points, nearest }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::spread;
+
+    /// Among so many points some have priorities with equal upper halves.
+    #[test]
+    fn a_ranking_by_words_is_that_by_whole_priorities() {
+        let points: Vec<Stored> = (0..300_000)
+            .map(|k| Stored {
+                x: spread(2 * k) as i32,
+                y: spread(2 * k + 1) as i32,
+                z: 0,
+            })
+            .collect();
+        let priority = |index: &u32| points[*index as usize].priority(5);
+        let mut slow: Vec<u32> = (0..points.len() as u32).collect();
+        slow.sort_by_key(priority);
+        let upper = |index: &u32| priority(index) >> u32::BITS;
+        assert!(
+            slow.windows(2)
+                .any(|pair| upper(&pair[0]) == upper(&pair[1]))
+        );
+        assert_eq!(ranking(&points, 5), slow);
+    }
+}
