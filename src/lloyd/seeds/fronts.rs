@@ -163,7 +163,7 @@ fn ranking(points: &[Stored], seed: u64) -> Vec<u32> {
     words
         .par_chunk_by_mut(|a, b| a >> u32::BITS == b >> u32::BITS)
         .for_each(|alike| {
-            alike.sort_unstable_by_key(|&word| (point(word).priority(seed), point(word)))
+            alike.sort_unstable_by_key(|&word| (point(word).priority(seed), point(word)));
         });
     words.iter().map(|&word| word as u32).collect()
 }
