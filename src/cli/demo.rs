@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::{
+    allocator,
     printing::result,
     running::{run_and_print, with_ending},
     simulating::write_street,
@@ -15,8 +16,13 @@ use crate::{
     simulate::{Street, StreetOptions},
 };
 
+/// The budget in bytes: with it the street has two tiles.
+const MEMORY: u64 = 192 << 20;
+
 /// Simulates a street and resamples it, with all files in the directory `output`.
 pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
+    // As `run` does with this budget.
+    allocator::return_freed_memory(MEMORY);
     let scans = output.join("scans");
     result!("simulating a street: 2 400 000 points in 3 passes");
     let street = Street::new(StreetOptions {
@@ -34,7 +40,7 @@ pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
     );
     let choices = Choices {
         spacing: Some(Length::plain(0.2)),
-        memory: Some(Bytes(192 << 20)),
+        memory: Some(Bytes(MEMORY)),
         ..Choices::default()
     };
     let page = with_ending(&cloud, REPORT_PAGE);
