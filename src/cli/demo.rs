@@ -34,9 +34,10 @@ pub(super) fn demo(output: &Path) -> Result<u8, JobError> {
     write_street(&street, &scans)?;
     let cloud = output.join("street.laz");
     result!(
-        "lloydar run {} -o {} --spacing 0.2 --memory 192MiB",
+        "lloydar run {} -o {} --spacing 0.2 --memory {}MiB",
         scans.display(),
-        cloud.display()
+        cloud.display(),
+        MEMORY >> 20
     );
     let choices = Choices {
         spacing: Some(Length::plain(0.2)),

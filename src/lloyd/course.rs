@@ -102,8 +102,8 @@ impl<'a> Course<'a> {
         // The first Lloyd step shares its cells with the figures of the seeds.
         let mut sites = Sites::new(surface, region, &identities, &positions);
         sites.mark_exact_seeds(&cone);
-        let mut seeds = sites.first_step(&cone);
-        seeds.retain(|seed| region.core.contains(seed.identity));
+        let seeds = sites.first_step(&cone);
+        let in_core = |seed: &&Site| region.core.contains(seed.identity);
         let accelerator = Accelerator::new(
             options.acceleration,
             &sites.identities,
@@ -118,7 +118,7 @@ impl<'a> Course<'a> {
             cone,
             sites,
             accelerator,
-            seeds: uniformity(&seeds, options.spacing),
+            seeds: uniformity(seeds.iter().filter(in_core), options.spacing),
             seed_distances: nearest_distances(region, &seeds, options.spacing),
             isolated,
             convergence: Vec::new(),
