@@ -17,9 +17,7 @@ use serde::{Deserialize, Serialize};
 
 pub(crate) use facing::dominant_normals;
 pub(crate) use round::{RoundSpacing, RoundSpacings, VoxelCounts};
-pub(crate) use search::{
-    elected_count, estimated_count, is_estimated_by_voxels, spacing_for_count,
-};
+pub(crate) use search::{estimated_count, spacing_for_count};
 
 use crate::{
     geometry::Quantization,

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::{SpacingError, Target, resolve, search::estimate_options};
 use crate::{
     geometry::{Quantization, Rect, Stored, spread},
-    lloyd::{IsolatedRule, SolverOptions, SolverSettings, ThinnedPoints},
+    lloyd::{IsolatedRule, Scan, SolverOptions, SolverSettings, ThinnedPoints, elect},
     tiling::{Bounds, CellGrid, CloudInMemory, CountedCloud},
 };
 
@@ -109,6 +109,21 @@ fn a_wide_spacing_is_estimated_from_each_point_once() {
             "{count} sites at {spacing}"
         );
         assert!(gathered <= 1_600_000, "{gathered} points were read");
+    }
+}
+
+/// On a floor along the axes there are more sites to a voxel than on other planes, among leaves there are fewer.
+#[test]
+fn what_a_spacing_gives_is_estimated_alike_on_a_floor_and_among_leaves() {
+    let spacing = 0.3;
+    for sides in [[20, 20, 0], [9, 9, 3]] {
+        let points = points(600_000, sides);
+        let (_, count) = resolved(&points, Target::Spacing(spacing)).0.unwrap();
+        let options = SolverSettings::default().at(spacing, 0.01);
+        let scan = Scan::new(points, QUANTIZATION, &options);
+        let elected = elect(&scan, &options).identities.len();
+        let ratio = count as f64 / elected as f64;
+        assert!((0.93..1.07).contains(&ratio), "{count} of {elected}");
     }
 }
 

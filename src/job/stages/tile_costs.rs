@@ -16,15 +16,11 @@ use crate::{
         resources::{points_for, tile_bytes},
     },
     lloyd::{AREA_PER_SEED, SolverOptions, Thinning},
-    spacing::{Target, elected_count, is_estimated_by_voxels},
     tiling::{CountedCloud, Square},
 };
 
 /// A tile may have this factor more seeds than estimated.
 const SEED_MARGIN: f64 = 1.25;
-/// Where voxels alone say how many sites a spacing gives, there may be this factor more: on the scan of one tripod, far from which
-/// holes are filled, it was 1.78.
-const VOXEL_SEED_MARGIN: f64 = 2.0;
 /// Occupied voxels to a seed where the scan is dense: five on a plane that is parallel to the axes.
 const VOXELS_PER_DENSE_SEED: f64 = 7.0;
 /// A tile takes this factor more where the spacing varies: for what is known of each point, the field, and points that are
@@ -43,8 +39,7 @@ struct KeptCounts {
 }
 
 /// Lists the occupied counting squares, with the memory that a tile takes for each if the cloud has
-/// approximately `points_out` sites. Where voxels alone say so, and one tile may have no room for all of
-/// them, seeds are elected in parts of the cloud to know how many there are.
+/// approximately `points_out` sites.
 ///
 /// # Errors
 ///
@@ -54,7 +49,7 @@ pub(super) fn costed_squares(
     options: &SolverOptions,
     points_out: u64,
 ) -> Result<Vec<Square>, JobError> {
-    let (spill, settings) = (cloud.spill, &cloud.run.job.settings);
+    let spill = cloud.spill;
     let factor = match options.grading {
         None => 1.0,
         Some(_) => GRADED_FACTOR,
@@ -69,27 +64,15 @@ pub(super) fn costed_squares(
         };
         spill.squares().map(square).collect()
     };
-    let as_one = |all_seeds: f64| -> Option<Vec<Square>> {
-        let squares = squares(&|_, points| {
-            let share = points as f64 / spill.points() as f64;
-            let points = share * values;
-            factor * tile_bytes(points, points, share * all_seeds)
-        });
-        let cost: u64 = squares.iter().map(|square| square.cost).sum();
-        (cost <= cloud.budget().tile()).then_some(squares)
-    };
-    let mut sites = points_out as f64;
-    let quantization = cloud.quantization();
-    if let Target::Spacing(spacing) = settings.target
-        && is_estimated_by_voxels(spill, quantization, &settings.solver, spacing)
-    {
-        if let Some(squares) = as_one(VOXEL_SEED_MARGIN * sites) {
-            return Ok(squares);
-        }
-        sites = elected_count(spill, quantization, options)?;
-    }
-    if let Some(squares) = as_one(SEED_MARGIN * sites) {
-        return Ok(squares);
+    let all_seeds = SEED_MARGIN * points_out as f64;
+    let as_one = squares(&|_, points| {
+        let share = points as f64 / spill.points() as f64;
+        let points = share * values;
+        factor * tile_bytes(points, points, share * all_seeds)
+    });
+    let cost_of_one: u64 = as_one.iter().map(|square| square.cost).sum();
+    if cost_of_one <= cloud.budget().tile() {
+        return Ok(as_one);
     }
 
     // Count what remains after thinning, and estimate the seeds.
@@ -100,7 +83,7 @@ pub(super) fn costed_squares(
         let voxels = kept.voxels as f64;
         (voxels / VOXELS_PER_DENSE_SEED).max(voxels.min(room))
     };
-    let scale = SEED_MARGIN * sites / kept.values().map(seeds).sum::<f64>().max(1.0);
+    let scale = all_seeds / kept.values().map(seeds).sum::<f64>().max(1.0);
     Ok(squares(&|index, points| {
         let kept = kept.get(&index).copied().unwrap_or(KeptCounts {
             points,
