@@ -80,8 +80,9 @@ struct Found {
 
 /// A sample near a node.
 #[derive(Clone, Copy, Debug)]
-struct Candidate {
-    lattice: Lattice,
+struct Candidate<'a> {
+    /// The lattice, as it is in a cell.
+    of_cell: &'a CellLattice,
     /// The edge of the lattice (CRS units).
     spacing: f64,
     /// The row and the column of the node.
@@ -89,10 +90,6 @@ struct Candidate {
     /// Squared distance (spacings squared) from the line through the node along the normal.
     squared: f64,
     sample: Local,
-    /// The rank of the tilt of the lattice against the surface.
-    tilt_rank: u32,
-    /// Whether the lattice is that of the cell that the sample is in.
-    is_own: bool,
 }
 
 impl Nodes {
@@ -113,7 +110,7 @@ impl Nodes {
         let candidates = self.candidates(surface);
         let above: Vec<Local> = candidates
             .iter()
-            .map(|own| own.lattice.moved_to_node(own.sample, own.spacing))
+            .map(|own| own.lattice().moved_to_node(own.sample, own.spacing))
             .collect();
         let found = by_block(&above, surface, |samples, own| {
             candidates[own].found(above[own], surface, samples)
@@ -131,7 +128,7 @@ impl Nodes {
     }
 
     /// For every node near a surface the sample nearest to it. Where the spacing varies from place to place there are no nodes.
-    fn candidates(&self, surface: Surface<'_>) -> Vec<Candidate> {
+    fn candidates(&self, surface: Surface<'_>) -> Vec<Candidate<'_>> {
         let samples = surface.scan.samples().points();
         let LatticeCells {
             cells,
@@ -140,11 +137,11 @@ impl Nodes {
             ..
         } = &self.lattices;
         let cells: Vec<_> = cells.ranges().zip(lattices).collect();
-        let mut candidates: Vec<Candidate> = cells
+        let mut candidates: Vec<Candidate<'_>> = cells
             .into_par_iter()
             .flat_map_iter(|(range, lattices)| {
                 let in_cell = move || order[range.clone()].iter().map(|&i| samples[i as usize]);
-                let of_lattice = move |&lattice| candidates_of_cell(in_cell(), lattice, surface);
+                let of_lattice = move |lattice| candidates_of_cell(in_cell(), lattice, surface);
                 lattices.iter().flat_map(of_lattice)
             })
             .collect();
@@ -166,30 +163,23 @@ impl Nodes {
 }
 
 /// For every node of a lattice the nearest of the `samples` of a cell.
-fn candidates_of_cell(
+fn candidates_of_cell<'a>(
     samples: impl Iterator<Item = Local>,
-    of_cell: CellLattice,
+    of_cell: &'a CellLattice,
     surface: Surface<'_>,
-) -> Vec<Candidate> {
-    let CellLattice {
-        lattice,
-        tilt_rank,
-        is_own,
-    } = of_cell;
-    let mut best: Vec<Candidate> = Vec::new();
+) -> Vec<Candidate<'a>> {
+    let mut best: Vec<Candidate<'_>> = Vec::new();
     for sample in samples {
         let Some(spacing) = surface.field().wanted_at(sample) else {
             continue;
         };
-        let nearest = lattice.nearest_node(sample, spacing);
+        let nearest = of_cell.lattice.nearest_node(sample, spacing);
         let candidate = Candidate {
-            lattice,
+            of_cell,
             spacing,
             node: nearest.index,
             squared: nearest.squared(),
             sample,
-            tilt_rank,
-            is_own,
         };
         match best.iter_mut().find(|known| known.key() == candidate.key()) {
             Some(known) if candidate.squared < known.squared => *known = candidate,
@@ -200,7 +190,11 @@ fn candidates_of_cell(
     best
 }
 
-impl Candidate {
+impl Candidate<'_> {
+    fn lattice(&self) -> &Lattice {
+        &self.of_cell.lattice
+    }
+
     /// What is found on the patch of `surface` at the position `above` the node, and at an edge that it rounds.
     fn found(&self, above: Local, surface: Surface<'_>, samples: &mut Samples) -> Option<Found> {
         let options = surface.options_at(above);
@@ -209,7 +203,7 @@ impl Candidate {
         // The patch may be tilted against the lattice: its foot is a little beside the node,
         // and much less so the second time.
         let foot = fit.patch.foot_point(above);
-        let node = self.lattice.moved_to_node(foot, self.spacing);
+        let node = self.lattice().moved_to_node(foot, self.spacing);
         let position = fit.patch.foot_point(node);
         let ranked = |rank: u32, node: Local| Some((rank, surface.quantization().stored(node)?));
         let on_edge = self.on_edge(&mut fit, position, surface, samples);
@@ -232,7 +226,7 @@ impl Candidate {
         samples: &mut Samples,
     ) -> Option<(u32, Local)> {
         // What the lattice of a neighbouring cell would find, that of the cell finds.
-        if !self.is_own || !surface.options.has_rows_on_edges() {
+        if !self.of_cell.is_own || !surface.options.has_rows_on_edges() {
             return None;
         }
         let reach = edge_rows::REACH_IN_SPACINGS * self.spacing;
@@ -254,7 +248,7 @@ impl Candidate {
         samples: &mut Samples,
     ) -> bool {
         let is_trusted = fit.trust >= 1.0;
-        let goes_on = self.is_own
+        let goes_on = self.of_cell.is_own
             || is_trusted
                 && fit.least_reach(above, surface, samples)
                     >= LEAST_REACH_IN_SPACINGS * self.spacing;
@@ -279,7 +273,7 @@ impl Candidate {
     fn rank(&self, is_trusted: bool) -> u32 {
         let distance = rank_of(self.squared.sqrt());
         match is_trusted {
-            true => self.tilt_rank * RANKS_TO_A_TILT + distance,
+            true => self.of_cell.tilt_rank * RANKS_TO_A_TILT + distance,
             false => distance,
         }
     }
@@ -287,7 +281,7 @@ impl Candidate {
     /// What tells nodes apart.
     #[inline]
     fn key(&self) -> ([i8; 4], [i64; 2], u64) {
-        (self.lattice.key, self.node, self.spacing.to_bits())
+        (self.lattice().key, self.node, self.spacing.to_bits())
     }
 
     /// The order by lattice, node, and distance from the node.
