@@ -17,9 +17,10 @@ const MIN_QUADRATIC_SUPPORT: u32 = 9;
 /// A larger residual than this share of the radius is no noise of samples that are means: there
 /// is no smooth surface (an edge, leaves).
 const LARGEST_NOISE_IN_RADII: f64 = 0.025;
-/// Heights that bend by more than this many radii over a radius follow the chance of few neighbours between which nothing holds them. At the
-/// edges of a simulated street one patch of a hundred did, some by 168 radii, with their foot points up to 23 spacings away.
-const LARGEST_BEND_IN_RADII: f64 = 2.0;
+/// Heights that bend by more than this many radii over a radius follow the chance of few neighbours between which nothing holds them. Of 63 000
+/// patches of a smaller radius near the edges of a simulated street 0.3 % bent by more than five radii, the worst by 168, with foot points up to 23
+/// spacings away. With a limit of two, points of another street were up to 1.13 times as far from the truth.
+const LARGEST_BEND_IN_RADII: f64 = 4.0;
 /// Fewer neighbours determine no plane.
 const MIN_SUPPORT: u32 = 4;
 
@@ -176,7 +177,7 @@ mod tests {
             let seed = Local::zeros();
             let patch = Patch::fit(seed, &neighbors, 1.0, PatchKind::Quadratic).unwrap();
             let foot = patch.foot_point(seed).norm();
-            assert!(foot < 0.6, "{foot}");
+            assert!(foot < 1.0, "{foot}");
             bent += u32::from(patch.max_quadratic_term(1.0) > 0.0);
         }
         // Most are taken, if with a bend.
