@@ -134,7 +134,8 @@ impl WeightedCounts {
     }
 }
 
-/// The parts of a cloud, the same whatever memory and threads there are.
+/// The parts of a cloud, the same whatever memory and threads there are. What is looked at are whole voxels: what is counted is the same, however
+/// far points have been thinned.
 pub(super) struct Parts<'a, C> {
     cloud: &'a C,
     quantization: &'a Quantization,
@@ -192,9 +193,10 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
         let tiles: Vec<Tile> = self.parts.iter().map(|part| part.0).collect();
         let thinning = Thinning::new(self.quantization, options);
         let occupied = by_tile(&tiles, |tile| {
+            let core = thinning.of_whole_voxels(&tile.core);
             let points =
                 self.cloud
-                    .gather(&tile.core, self.quantization, options, PART_THINNING_LIMIT)?;
+                    .gather(&core, self.quantization, options, PART_THINNING_LIMIT)?;
             let voxel = |&point: &Stored| thinning.double_voxel_of(point);
             let (voxels, _) = OccupiedCells::sort(&points.kept, voxel);
             Ok(Occupied {
@@ -233,14 +235,16 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
         options: &SolverOptions,
     ) -> Result<WeightedCounts, C::Error> {
         let tiles: Vec<Tile> = drawn.iter().map(|part| self.parts[part.index].0).collect();
+        let thinning = Thinning::new(self.quantization, options);
         let elected = by_tile(&tiles, |tile| {
-            let seen = tile.core.grown(self.halo);
+            let core = thinning.of_whole_voxels(&tile.core);
+            let seen = thinning.of_whole_voxels(&tile.core.grown(self.halo));
             let mut points =
                 self.cloud
                     .gather(&seen, self.quantization, options, PART_THINNING_LIMIT)?;
             self.cloud.complete(&mut points, self.quantization, options);
             let scan = Scan::prepared(points, *self.quantization, options);
-            Ok(seeds_that_count(count_seeds(&scan, options, &tile.core)))
+            Ok(seeds_that_count(count_seeds(&scan, options, &core)))
         })?;
         let weighted = |(part, seeds): (&DrawnPart, f64)| {
             let occupied = self.parts[part.index].1;

@@ -26,7 +26,7 @@ use super::{
     voxel_points::{MOST_IN_VOXEL, PointsByIndex, VoxelPoints},
 };
 use crate::{
-    geometry::{CellIndex, CellOrder, Local, OccupiedCells, Quantization, Stored, cell_of},
+    geometry::{CellIndex, CellOrder, Local, OccupiedCells, Quantization, Rect, Stored, cell_of},
     lloyd::SolverOptions,
 };
 
@@ -76,6 +76,34 @@ impl Thinning {
     /// The middle of the double voxel `cell`.
     pub(crate) fn middle_of_double_voxel(&self, cell: CellIndex) -> Local {
         Local::from(cell.map(|c| (2.0 * f64::from(c) + 1.0) * self.voxel))
+    }
+
+    /// `rect` with each side moved back to where the double voxel that it cuts begins, so that it contains voxels as wholes: what it
+    /// keeps is the same, whether points have been thinned before or not. Rectangles that share a side still do.
+    pub(crate) fn of_whole_voxels(&self, rect: &Rect) -> Rect {
+        let Rect { min, max } = *rect;
+        let [min, max] = [min, max].map(|corner| corner.map(|side| self.beginning(side)));
+        Rect { min, max }
+    }
+
+    /// The first coordinate of the double voxel that `coordinate` is in (stored units).
+    fn beginning(&self, coordinate: i64) -> i64 {
+        let along = |coordinate: i64| {
+            let x = i32::try_from(coordinate).ok()?;
+            Some(self.double_voxel_of(Stored { x, y: 0, z: 0 })[0])
+        };
+        // Where nothing can be stored there are no voxels.
+        let own = along(coordinate);
+        let width = (2.0 * self.voxel / self.quantization.scale).ceil() as i64;
+        let (mut before, mut first) = (coordinate - width - 1, coordinate);
+        while own.is_some() && first - before > 1 {
+            let middle = before + (first - before) / 2;
+            match along(middle) == own {
+                true => first = middle,
+                false => before = middle,
+            }
+        }
+        first
     }
 
     /// The number of points on a square of edge `edge` (CRS units) of a plane beyond which
@@ -252,6 +280,44 @@ mod tests {
         points.extend_from_within(..9_000);
         points.extend_from_within(..3_000);
         points
+    }
+
+    #[test]
+    fn a_rectangle_of_whole_voxels_keeps_the_same_of_thinned_points() {
+        let thinning = Thinning::new(&QUANTIZATION, &SolverOptions::new(0.4));
+        let thinned = thinning.thinned(crowded().into());
+        let voxel = |x: i64| {
+            thinning.double_voxel_of(Stored {
+                x: x as i32,
+                y: 0,
+                z: 0,
+            })[0]
+        };
+        for k in -40..40 {
+            let rect = Rect {
+                min: [97 * k, -1_500],
+                max: [97 * k + 1_234, 97 * k + 61],
+            };
+            let whole = thinning.of_whole_voxels(&rect);
+            for (side, moved) in [(rect.min[0], whole.min[0]), (rect.max[0], whole.max[0])] {
+                assert!(moved <= side && voxel(moved) == voxel(side));
+                assert!(voxel(moved - 1) < voxel(moved));
+            }
+            let mut own = ThinnedPoints::from(crowded());
+            own.kept.retain(|&point| whole.contains(point));
+            let mut expected = thinned.clone();
+            expected.kept.retain(|&point| whole.contains(point));
+            expected.sums.retain(|sum| whole.contains(sum.mean()));
+            let [own, expected] = [thinning.thinned(own), expected].map(sorted);
+            assert_eq!(own.kept, expected.kept);
+            assert_eq!(own.sums, expected.sums);
+        }
+        // Beyond what can be stored nothing moves.
+        let everything = Rect {
+            min: [i64::from(i32::MIN) - 5; 2],
+            max: [i64::from(i32::MAX) + 5; 2],
+        };
+        assert_eq!(thinning.of_whole_voxels(&everything), everything);
     }
 
     #[test]
