@@ -4,7 +4,7 @@
 //! others seven, and two sites can be near to each other in cells as large as all others. Where a surface is doubtful, a
 //! site at its rim is drawn away from the others. Where the scan ends, centroids press rows of sites together. So sites that are
 //! too near draw apart in each iteration (as nudged sites do now and then in Gonzalez, Choksi and Nave, arXiv 2005.00094), and a
-//! site with a doubtful centroid does not leave its nearest neighbour.
+//! site with a doubtful centroid leaves neither its nearest neighbour nor one that would be alone without it.
 
 use crate::{
     geometry::Local,
@@ -32,6 +32,10 @@ const SHARE_AT_BORDER: f64 = 1.4;
 /// A site with a doubtful centroid does not go farther from its nearest neighbour if that is farther than this, a little
 /// more than the clearance of such sites. With 0.95 δ ended 1.1 % above its least value on one of nine scans.
 const NEAR_ENOUGH_IN_SPACINGS: f64 = 0.9;
+/// Nor does it go farther from a neighbour that no other is nearer to, if that is farther than this. Of 97 314 seeds of a simulated tripod's
+/// scan 25 were farther than 1.26 spacings from the next; without this rule 147 points were after twenty iterations. With 1.0 δ of two real
+/// scans is 0.7 % lower, but the points that are farthest from others make up more of it.
+const FAR_FROM_OTHERS_IN_SPACINGS: f64 = 1.03;
 
 /// How near to each other sites may be in an iteration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -101,16 +105,25 @@ impl Way {
     }
 }
 
-/// The `step` of a site without the part that leads away from the nearest of the `others`, if that is far enough (CRS units).
-pub(super) fn without_leaving(step: Local, others: impl Iterator<Item = Way>) -> Local {
-    let nearest = others.min_by(|a, b| a.vector.norm_squared().total_cmp(&b.vector.norm_squared()));
-    match nearest {
-        Some(other) if other.length() > NEAR_ENOUGH_IN_SPACINGS * other.spacing => {
-            let away = other.vector / other.length();
-            step - away * step.dot(&away).max(0.0)
-        }
-        _ => step,
-    }
+/// The `step` of a site without the parts that lead away from the nearest of the `others`, and from those to which no other of them is
+/// nearer than the site is, if they are far enough (CRS units).
+pub(super) fn without_leaving(step: Local, others: impl Iterator<Item = Way> + Clone) -> Local {
+    let by_length = |a: &Way, b: &Way| a.vector.norm_squared().total_cmp(&b.vector.norm_squared());
+    let is_near_enough = |other: &Way| other.length() > NEAR_ENOUGH_IN_SPACINGS * other.spacing;
+    let nearest = others.clone().min_by(by_length).filter(is_near_enough);
+    let is_nearer_to = |third: Way, other: &Way| {
+        let squared = (third.vector - other.vector).norm_squared();
+        squared > 0.0 && squared < other.vector.norm_squared()
+    };
+    let would_be_alone = |other: &Way| {
+        other.length() > FAR_FROM_OTHERS_IN_SPACINGS * other.spacing
+            && !others.clone().any(|third| is_nearer_to(third, other))
+    };
+    let alone = others.clone().filter(would_be_alone);
+    nearest.into_iter().chain(alone).fold(step, |step, other| {
+        let away = other.vector / other.length();
+        step - away * step.dot(&away).max(0.0)
+    })
 }
 
 #[cfg(test)]
@@ -121,7 +134,7 @@ mod tests {
         Local::new(x, y, 0.0)
     }
 
-    fn ways(spacing: f64, vectors: &[Local]) -> impl Iterator<Item = Way> {
+    fn ways(spacing: f64, vectors: &[Local]) -> impl Iterator<Item = Way> + Clone {
         vectors.iter().map(move |&vector| Way { vector, spacing })
     }
 
@@ -174,6 +187,19 @@ mod tests {
         // From a neighbour that is nearer it may go, and from none there is nothing to leave.
         assert_eq!(after(at(0.3, 0.25), &[at(0.0, 0.89)]), at(0.3, 0.25));
         assert_eq!(after(at(0.3, 0.25), &[]), at(0.3, 0.25));
+    }
+
+    #[test]
+    fn a_site_does_not_leave_a_neighbor_that_would_be_alone() {
+        let after = |step, others: &[Local]| without_leaving(step, ways(1.0, others));
+        let step = at(0.2, 0.3);
+        // The vectors lead from the others to the site: one stands to its right, one below it.
+        let (near, far) = (at(-0.8, 0.0), at(0.0, 1.1));
+        assert_eq!(after(step, &[near, far]), at(0.2, 0.0));
+        // It is not left alone with a third one nearer to it than the site is, and such a distance is usual.
+        let third = far + at(0.6, 0.3);
+        assert_eq!(after(step, &[near, far, third]), step);
+        assert_eq!(after(step, &[near, at(0.0, 1.02)]), step);
     }
 
     #[test]

@@ -25,7 +25,7 @@ impl Links {
 
     /// The linked sites.
     #[inline]
-    pub(crate) fn sites(&self) -> impl Iterator<Item = u32> {
+    pub(crate) fn sites(&self) -> impl Iterator<Item = u32> + Clone {
         self.0.iter().copied().take_while(|&link| link != NO_LINK)
     }
 }
