@@ -181,7 +181,7 @@ mod tests {
     #[test]
     fn a_site_slides_around_a_neighbor_that_it_would_leave() {
         let after = |step, others: &[Local]| without_leaving(step, ways(1.0, others));
-        let others = [at(2.0, 0.0), at(0.0, 1.0)];
+        let others = [at(2.0, 0.0), at(2.2, 0.9), at(0.0, 1.0)];
         assert_eq!(after(at(0.3, 0.25), &others), at(0.3, 0.0));
         assert_eq!(after(at(0.3, -0.25), &others), at(0.3, -0.25));
         // From a neighbour that is nearer it may go, and from none there is nothing to leave.
