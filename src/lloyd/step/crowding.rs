@@ -196,9 +196,10 @@ mod tests {
         // The vectors lead from the others to the site: one stands to its right, one below it.
         let (near, far) = (at(-0.8, 0.0), at(0.0, 1.1));
         assert_eq!(after(step, &[near, far]), at(0.2, 0.0));
-        // It is not left alone with a third one nearer to it than the site is, and such a distance is usual.
+        // With a third one nearer to it than the site is, the far one is not left alone.
         let third = far + at(0.6, 0.3);
         assert_eq!(after(step, &[near, far, third]), step);
+        // This distance is usual.
         assert_eq!(after(step, &[near, at(0.0, 1.02)]), step);
     }
 
