@@ -103,20 +103,25 @@ impl Way {
     fn length(self) -> f64 {
         self.vector.norm()
     }
+
+    /// Whether it is longer than so many `spacings`.
+    fn is_longer_than(self, spacings: f64) -> bool {
+        self.length() > spacings * self.spacing
+    }
 }
 
 /// The `step` of a site without the parts that lead away from the nearest of the `others`, and from those to which no other of them is
 /// nearer than the site is, if they are far enough (CRS units).
 pub(super) fn without_leaving(step: Local, others: impl Iterator<Item = Way> + Clone) -> Local {
     let by_length = |a: &Way, b: &Way| a.vector.norm_squared().total_cmp(&b.vector.norm_squared());
-    let is_near_enough = |other: &Way| other.length() > NEAR_ENOUGH_IN_SPACINGS * other.spacing;
-    let nearest = others.clone().min_by(by_length).filter(is_near_enough);
+    let is_far_enough = |other: &Way| other.is_longer_than(NEAR_ENOUGH_IN_SPACINGS);
+    let nearest = others.clone().min_by(by_length).filter(is_far_enough);
     let is_nearer_to = |third: Way, other: &Way| {
         let squared = (third.vector - other.vector).norm_squared();
         squared > 0.0 && squared < other.vector.norm_squared()
     };
     let would_be_alone = |other: &Way| {
-        other.length() > FAR_FROM_OTHERS_IN_SPACINGS * other.spacing
+        other.is_longer_than(FAR_FROM_OTHERS_IN_SPACINGS)
             && !others.clone().any(|third| is_nearer_to(third, other))
     };
     let alone = others.clone().filter(would_be_alone);
