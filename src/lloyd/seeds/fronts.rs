@@ -22,11 +22,10 @@ use crate::{
     lloyd::surface::Surface,
 };
 
-/// Radius of the election where nothing is a surface. With the radius of surfaces the seeds
-/// would be nearer to each other than the sites of a surface are once they are even. In a
-/// forest of 0.9 M points (to 1 %) δ is 0.049 with 0.8, 0.053 with 0.85, 0.063 with 0.9; on a
-/// street with trees 0.181, 0.178 and 0.179.
-const LOOSE_RADIUS_IN_SPACINGS: f64 = 0.85;
+/// Radius of the election where nothing is a surface. With the radius of surfaces the seeds would be nearer to each other than the
+/// sites of a surface are once they are even. The less it is, the better the points are covered: in 34 cases of real scans to 1/20
+/// and 1/100 the p99 of the distances to the nearest site is 0.994 times that with 0.85 in the geometric mean, and δ 1.007 times.
+const LOOSE_RADIUS_IN_SPACINGS: f64 = 0.83;
 
 /// Radius of the election that follows once these seeds have moved to the middle of their points, which leaves some points farther from
 /// all seeds than before. On six real scans to 1/20 and 1/100 the p99 of the distances to the nearest site, over that of Poisson
@@ -35,8 +34,10 @@ const LOOSE_RADIUS_IN_SPACINGS: f64 = 0.85;
 pub(super) const LEFT_RADIUS_IN_SPACINGS: f64 = 0.79;
 
 /// Points nearer to the seed of a surface are left to the iterations, which move the seeds around them: along the edge of a
-/// step further seeds would stand in the row where patches round the edge the most.
-const AWAY_FROM_SURFACES_IN_SPACINGS: f64 = 1.0;
+/// step further seeds would stand in the row where patches round the edge the most. With the radius of the election, 0.79, δ of a
+/// simulated street is 2 % higher, and its points near edges are 1 % farther from the truth. With 1.0 the p99 of the distances to
+/// the nearest site is 0.4 % higher in the cases above.
+const AWAY_FROM_SURFACES_IN_SPACINGS: f64 = 0.85;
 
 /// Distance from all other seeds at which a front may start.
 const NUCLEUS_DISTANCE_IN_SPACINGS: f64 = 2.5;
