@@ -12,4 +12,5 @@ pub use deviation::DistanceSums;
 pub(crate) use deviation::delta_squared;
 pub use distances::{DistanceFigures, DistanceTally};
 pub(crate) use spacings::{SpacingClass, SpacingTally};
+pub(crate) use uniformity::HEXAGON_ENERGY;
 pub use uniformity::{CellFigures, Uniformity, UniformityTally};

@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 use super::deviation::delta;
 
 /// Energy of the regular hexagon over the square of its area: 5√3/54.
-const HEXAGON_ENERGY: f64 = 0.160_375_074_774_896_5;
+pub(crate) const HEXAGON_ENERGY: f64 = 0.160_375_074_774_896_5;
 
 /// Number of bins of nearest distances to a spacing.
 const BINS_PER_SPACING: f64 = 256.0;
