@@ -3,9 +3,9 @@
 //! A spacing gives a count only approximately. Where the count is what was asked for, sites that are too many
 //! leave and missing ones come between two rounds, and the iterations that are left close the gaps: those with
 //! the smallest cells leave, and new ones come where the largest empty circles are, at corners of cells. In a lattice
-//! the gap that a site leaves is not closed, so its sites leave after others. Each
-//! tile names its own candidates, by their neighbourhoods alone; which of them it is to be is decided by the
-//! order of all candidates of the cloud. So no tile shows in it.
+//! the gap that a site leaves is not closed, so its sites leave after others. Each tile names its own candidates, by
+//! their neighbourhoods alone; which of them it is to be is decided by the order of all candidates of the cloud. So no
+//! tile shows in it.
 
 use std::{cmp::Ordering, fmt};
 
@@ -88,9 +88,9 @@ pub(super) type SiteWithCorner = (Site, Option<Local>);
 /// A site that may leave, or a place where one may come: the smaller the rank, the sooner.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Candidate {
-    /// That of a site that leaves is its [rank](rank_of_leaving); that of a place is less its distance to the nearest site (CRS
-    /// units), or the inverse of the distance if the place is not a corner of a cell. Where the spacing varies, areas and distances
-    /// are those of cells that are scaled to the coarsest spacing.
+    /// For a site that leaves [`rank_of_leaving`]; for a place less its distance to the nearest site (CRS units), or the inverse of the
+    /// distance if the place is not a corner of a cell. Where the spacing varies, areas and distances are those of cells that are
+    /// scaled to the coarsest spacing.
     rank: f64,
     /// Decides between equal ranks.
     priority: u64,

@@ -360,16 +360,13 @@ fn kept_between(trials: &[Trial], next: f64) -> f64 {
 /// enough away, or if none is the farthest.
 fn slope_of(trials: &[Trial]) -> Option<f64> {
     let (last, before) = trials.split_last()?;
-    let distance = |trial: &&Trial| (last.log_spacing - trial.log_spacing).abs();
-    let far_enough = before
-        .iter()
-        .rfind(|trial| distance(trial) >= FAR_FOR_SLOPE);
-    let farthest = || {
-        before
-            .iter()
-            .max_by(|a, b| distance(a).total_cmp(&distance(b)))
+    let worth = |trial: &Trial| {
+        (last.log_spacing - trial.log_spacing)
+            .abs()
+            .min(FAR_FOR_SLOPE)
     };
-    let other = far_enough.or_else(farthest)?;
+    // Of equals it is the latest.
+    let other = before.iter().max_by(|a, b| worth(a).total_cmp(&worth(b)))?;
     let way = last.log_spacing - other.log_spacing;
     // The count falls as the spacing grows; anything else is noise of the sample.
     (way.abs() > 1e-9).then(|| ((last.error - other.error) / way).clamp(-3.0, -0.5))
