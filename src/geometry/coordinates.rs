@@ -180,6 +180,20 @@ pub struct Rect {
 }
 
 impl Rect {
+    /// The rectangle of all coordinates that can be stored.
+    pub(crate) const EVERYWHERE: Self = Self {
+        min: [i32::MIN as i64; 2],
+        max: [i32::MAX as i64 + 1; 2],
+    };
+
+    /// The least rectangle that covers all of `rectangles`; `None` if there is none.
+    pub(crate) fn around(rectangles: impl Iterator<Item = Self>) -> Option<Self> {
+        rectangles.reduce(|a, b| Self {
+            min: [0, 1].map(|axis| a.min[axis].min(b.min[axis])),
+            max: [0, 1].map(|axis| a.max[axis].max(b.max[axis])),
+        })
+    }
+
     /// Whether `point` lies inside, seen from above.
     #[inline]
     pub fn contains(&self, point: Stored) -> bool {

@@ -61,8 +61,9 @@ const MOST_ENERGY_IN_A_LATTICE: f64 = 1.03;
 /// No two sites that leave are nearer to each other: the gap that one leaves is closed by its neighbours.
 const LEAVING_APART_IN_SPACINGS: f64 = 1.5;
 
-/// No site comes nearer to another, be it on another surface: sites that no patch moves would stay as near.
-const LEAST_ROOM_IN_SPACINGS: f64 = 0.55;
+/// No site comes nearer to another, be it on another surface: sites that no patch moves would stay as near. Between two sites of a wire there
+/// is hardly more room than this.
+const LEAST_ROOM_IN_SPACINGS: f64 = 0.4;
 
 /// Where no cell has a corner, on leaves and wires, one site in so many looks for the sample of the scan around it that has most
 /// room. Such places are taken when there are no others left.
@@ -322,7 +323,36 @@ impl fmt::Display for CountCorrection {
 
 #[cfg(test)]
 mod tests {
+    use std::ops::ControlFlow;
+
     use super::*;
+    use crate::{
+        geometry::Quantization,
+        lloyd::{Scan, TileRegion, solve_watched},
+    };
+
+    #[test]
+    fn on_wires_sites_come_between_any_two() {
+        // Twelve wires of five metres, with sites half a metre apart.
+        let quantization = Quantization {
+            scale: 0.001,
+            offset: [0.0; 3],
+        };
+        let wires =
+            (0..12).flat_map(|wire| (0..=100).map(move |along| (20_000 * wire, 50 * along)));
+        let points = wires.map(|(x, y)| Stored { x, y, z: 0 }).collect();
+        let options = SolverOptions::new(0.553);
+        let scan = Scan::new(points, quantization, &options);
+        let number_of = |wanted: Option<WantedCount>| {
+            let everything = TileRegion::everything();
+            let go_on = |_| ControlFlow::Continue(());
+            let solution = solve_watched(&scan, &everything, &options, wanted, &go_on);
+            solution.unwrap().sites.len() as u64
+        };
+        let sites = number_of(None) * 11 / 10;
+        let is_exact = true;
+        assert_eq!(number_of(Some(WantedCount { sites, is_exact })), sites);
+    }
 
     #[test]
     fn sites_of_a_lattice_leave_after_others() {

@@ -15,7 +15,7 @@
 use rayon::prelude::*;
 
 use crate::{
-    geometry::{OccupiedCells, Quantization, Stored},
+    geometry::{OccupiedCells, Quantization, Rect, Stored},
     lloyd::{Scan, SeedCounts, SolverOptions, Thinning, count_seeds},
     tiling::{CountedCloud, Plan, PlanOptions, Square, Tile},
 };
@@ -140,6 +140,8 @@ pub(super) struct Parts<'a, C> {
     cloud: &'a C,
     quantization: &'a Quantization,
     halo: i64,
+    /// The rectangle around all parts.
+    bounds: Rect,
     /// Parts, each with what its points occupy.
     parts: Vec<(Tile, Occupied)>,
     /// Points of the cloud for each point of the parts.
@@ -174,6 +176,7 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
             cost: points.min(most),
         });
         let tiles = Plan::make(&squares.collect::<Vec<_>>(), edge, &plan).tiles;
+        let bounds = Rect::around(tiles.iter().map(|tile| tile.core));
         let step = cloud.points().div_ceil(max_points) as usize;
         let step = step.min(tiles.len() / MIN_COUNTED_PARTS).max(1);
         let tiles = tiles.into_iter().step_by(step);
@@ -183,6 +186,7 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
             cloud,
             quantization,
             halo,
+            bounds: bounds.unwrap_or(Rect::EVERYWHERE),
             parts,
             points_per_counted_point: cloud.points() as f64 / points.max(1) as f64,
         }
@@ -237,8 +241,9 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
         let tiles: Vec<Tile> = drawn.iter().map(|part| self.parts[part.index].0).collect();
         let thinning = Thinning::new(self.quantization, options);
         let elected = by_tile(&tiles, |tile| {
-            let core = thinning.of_whole_voxels(&tile.core);
-            let seen = thinning.of_whole_voxels(&tile.core.grown(self.halo));
+            let core = self.open_to_the_outside(&tile.core);
+            let seen = thinning.of_whole_voxels(&core.grown(self.halo));
+            let core = thinning.of_whole_voxels(&core);
             let mut points =
                 self.cloud
                     .gather(&seen, self.quantization, options, PART_THINNING_LIMIT)?;
@@ -252,6 +257,21 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
         };
         let counts = drawn.iter().zip(elected).map(weighted);
         Ok(counts.fold(WeightedCounts::default(), WeightedCounts::and))
+    }
+
+    /// `core`, and everything beyond it where no other part can be. The border of all parts follows from the first guess of the
+    /// spacing; nodes that are seeds lie the farther beyond the points of a cloud the wider the spacing is that is tried.
+    fn open_to_the_outside(&self, core: &Rect) -> Rect {
+        let mut open = *core;
+        for axis in 0..2 {
+            if core.min[axis] == self.bounds.min[axis] {
+                open.min[axis] = Rect::EVERYWHERE.min[axis];
+            }
+            if core.max[axis] == self.bounds.max[axis] {
+                open.max[axis] = Rect::EVERYWHERE.max[axis];
+            }
+        }
+        open
     }
 
     /// Estimated number of seeds of the cloud, by the seeds of the sample.

@@ -185,3 +185,18 @@ fn the_count_of_a_cloud_of_few_points_is_nearly_met() {
         }
     }
 }
+
+#[test]
+fn seeds_beyond_the_border_of_a_narrow_scan_count() {
+    // Two and a half metres to a point: the first guess of the spacing is far too fine, and what is counted ends where it says.
+    let points = points(1_000, [500, 5, 0]);
+    for count in [120, 150, 200] {
+        let (spacing, _) = resolved(&points, Target::Count(count)).0.unwrap();
+        let sites_per_point = count as f64 / points.len() as f64;
+        let options = SolverSettings::default().at(spacing, sites_per_point);
+        let scan = Scan::new(points.clone(), QUANTIZATION, &options);
+        let elected = elect(&scan, &options).identities.len() as f64;
+        let ratio = elected / count as f64;
+        assert!((0.94..1.06).contains(&ratio), "{elected} of {count}");
+    }
+}

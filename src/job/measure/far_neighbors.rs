@@ -103,10 +103,7 @@ fn bounding_rectangle(points: &[Stored]) -> Option<Rect> {
         min: [p.x.into(), p.y.into()],
         max: [i64::from(p.x) + 1, i64::from(p.y) + 1],
     };
-    points.iter().map(of_point).reduce(|a, b| Rect {
-        min: [0, 1].map(|axis| a.min[axis].min(b.min[axis])),
-        max: [0, 1].map(|axis| a.max[axis].max(b.max[axis])),
-    })
+    Rect::around(points.iter().map(of_point))
 }
 
 /// The distance of two rectangles along the axis on which it is larger, in stored units; 0 if they meet.

@@ -302,11 +302,6 @@ mod tests {
     use super::*;
     use crate::geometry::spread;
 
-    const EVERYWHERE: Rect = Rect {
-        min: [i64::MIN / 4; 2],
-        max: [i64::MAX / 4; 2],
-    };
-
     /// A wavy sheet around the origin, with a post on it.
     fn cloud(n: u64) -> Vec<Stored> {
         let c = |i: u64, k: u64| (spread(3 * i + k) % 6000) as i32 - 2500;
@@ -356,7 +351,7 @@ mod tests {
     #[test]
     fn an_election_is_that_of_its_slow_twin() {
         let points = cloud(2000);
-        let elected = Election::new(90.0).elect(points.clone(), &EVERYWHERE);
+        let elected = Election::new(90.0).elect(points.clone(), &Rect::EVERYWHERE);
         assert!(elected.len() > 500, "{}", elected.len());
         assert_eq!(elected, slow(&points, 90.0));
     }
@@ -365,7 +360,7 @@ mod tests {
     fn parts_are_elected_alone_as_they_are_together() {
         let (points, election) = (cloud(6000), Election::new(25.0));
         let block = election.block();
-        let together = election.elect(points.clone(), &EVERYWHERE);
+        let together = election.elect(points.clone(), &Rect::EVERYWHERE);
         let (mut alone, mut parts) = (Vec::new(), 0);
         for column in -2..=3 {
             for row in -2..=3 {

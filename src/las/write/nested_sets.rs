@@ -213,7 +213,6 @@ mod tests {
     use super::*;
     use crate::{
         las::write::{
-            point_set::EVERYWHERE,
             store::SortingSpace,
             stored_in_memory::{MemorySpace, workspace},
         },
@@ -254,7 +253,7 @@ mod tests {
             let sets = NestedSets::elect(&*all, radii, 0, &workspace).unwrap();
             let figures = sets.figures(&workspace).unwrap();
             let share = sets.figures_of_share(0.2, &workspace).unwrap();
-            (sets.first_sets(&EVERYWHERE).unwrap(), figures, share)
+            (sets.first_sets(&Rect::EVERYWHERE).unwrap(), figures, share)
         };
         let (sets, figures, share) = of(&records, 1 << 30);
         records.reverse();

@@ -88,7 +88,7 @@ impl PointSet<'_> {
         if elected.len() > points_in_memory(workspace) {
             return Ok(elected);
         }
-        let mut points = elected.read(&EVERYWHERE)?;
+        let mut points = elected.read(&Rect::EVERYWHERE)?;
         points.sort_unstable();
         elected.remove();
         Ok(PointSet::Memory(points))
@@ -141,12 +141,6 @@ pub(super) fn points_together(workspace: &Workspace<'_>) -> u64 {
         false => fitting,
     }
 }
-
-/// A rectangle that contains every position.
-pub(super) const EVERYWHERE: Rect = Rect {
-    min: [i32::MIN as i64; 2],
-    max: [i32::MAX as i64 + 1; 2],
-};
 
 /// Equal squares with these `points`, and the number of points in each; their edge is `unit` (stored units).
 fn squares_of(points: &[Stored], unit: i64) -> Vec<(Rect, u64)> {
