@@ -71,6 +71,9 @@ const NOT_CARRIED: f64 = -0.05;
 /// Growth of the logarithm of the count, while the spacing is at least halved, below which no finer spacing is
 /// tried. On a plane it is 1.39 for each halving, and none where points stand alone.
 const LEAST_GROWTH: f64 = 0.05;
+/// Where a count is not carried at the spacings around the guesses, the spacing for one site to so many points says where to look. Walls have no
+/// area, seen from above, so that the guesses are too fine for holes to be closed.
+const POINTS_TO_ONE_OF_FEWER: u64 = 4;
 /// Sites for each occupied double voxel, four fifths of a spacing wide, approximately: 0.49 on planes at all
 /// angles, 0.74 on planes along the axes.
 pub(super) const SITES_PER_VOXEL: f64 = 0.58;
@@ -188,14 +191,24 @@ pub(crate) fn spacing_for_count<C: CountedCloud>(
         dominant_normals,
         range,
     };
-    match search.run_from(by_voxels, guess) {
-        // The finer the spacing, the more points of a sparse scan are isolated: what is left is as many as there can be.
-        Err(SpacingError::CannotCarry { .. }) if settings.drops_isolated() => {
-            let settings = &settings.with_isolated();
-            Search { settings, ..search }.run_from(by_voxels, guess)
+    let is_not_carried = |found: &Result<_, _>| {
+        let error = found.as_ref().err();
+        error.is_some_and(|error| matches!(error, SpacingError::CannotCarry { .. }))
+    };
+    let mut found = search.run_from(by_voxels, guess);
+    let fewer = points / POINTS_TO_ONE_OF_FEWER;
+    if is_not_carried(&found) && (1..count).contains(&fewer) {
+        let of_fewer = spacing_for_count(cloud, quantization, settings, fewer);
+        if !is_not_carried(&of_fewer) {
+            found = search.run(of_fewer? * (fewer as f64 / count as f64).sqrt());
         }
-        found => found,
     }
+    // The finer the spacing, the more points of a sparse scan are isolated: what is left is as many as there can be.
+    if is_not_carried(&found) && settings.drops_isolated() {
+        let settings = &settings.with_isolated();
+        found = Search { settings, ..search }.run_from(by_voxels, guess);
+    }
+    found
 }
 
 /// What stays the same from trial to trial.

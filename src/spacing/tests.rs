@@ -145,12 +145,12 @@ fn a_spacing_far_finer_than_the_scan_gives_its_points_and_closes_no_wide_holes()
 fn a_count_that_no_spacing_gives_is_given_up_after_few_trials() {
     // Points in the air stand alone: there is no surface for more.
     let points = points(15_000, [100, 100, 100]);
-    let (result, gathers, _) = resolved(&points, Target::Count(150_000));
+    let (result, _, gathered) = resolved(&points, Target::Count(150_000));
     let Err(SpacingError::CannotCarry { reached, .. }) = result else {
         panic!("{result:?}");
     };
     assert!((12_000.0..40_000.0).contains(&reached), "{reached}");
-    assert!(gathers <= 12, "{gathers} parts were read");
+    assert!(gathered <= 24 * 15_000, "{gathered} points were read");
 }
 
 #[test]
@@ -199,4 +199,15 @@ fn seeds_beyond_the_border_of_a_narrow_scan_count() {
         let ratio = elected / count as f64;
         assert!((0.94..1.06).contains(&ratio), "{elected} of {count}");
     }
+}
+
+#[test]
+fn a_wall_carries_more_sites_than_it_has_points() {
+    let points = points(6_000, [40, 0, 12]);
+    let (spacing, _) = resolved(&points, Target::Count(8_000)).0.unwrap();
+    let of_the_plane = f64::sqrt(40.0 * 12.0 / (0.866 * 8_000.0));
+    assert!(
+        (0.95..1.05).contains(&(spacing / of_the_plane)),
+        "{spacing}"
+    );
 }
