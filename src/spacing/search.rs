@@ -77,6 +77,10 @@ const POINTS_TO_ONE_OF_FEWER: u64 = 4;
 /// Sites for each occupied double voxel, four fifths of a spacing wide, approximately: 0.49 on planes at all
 /// angles, 0.74 on planes along the axes.
 pub(super) const SITES_PER_VOXEL: f64 = 0.58;
+/// No slope of the logarithm of the count is steeper.
+const STEEPEST_SLOPE: f64 = -3.0;
+/// What two counts differ by beyond that is a step: more than the noise of their samples.
+const LEAST_STEP: f64 = 0.04;
 /// The slope on a plane, where the count is proportional to the inverse square of the spacing.
 const SLOPE_OF_A_PLANE: f64 = -2.0;
 
@@ -275,7 +279,8 @@ impl<C: CountedCloud> Search<'_, C> {
             let next = kept_between(&trials, log_spacing - error / slope);
             let next = next.exp().clamp(least, most);
             if all_parts && error.abs() <= self.correctable() {
-                return Ok(next);
+                let is_tried = has_step_towards(&by_first_parts, next.ln());
+                return Ok(if is_tried { spacing } else { next });
             }
             if !all_parts && (error.abs() <= NEAR_FOR_FIRST_PARTS || number + 1 == FIRST_TRIALS) {
                 all_parts = true;
@@ -382,7 +387,22 @@ fn slope_of(trials: &[Trial]) -> Option<f64> {
     let other = before.iter().max_by(|a, b| worth(a).total_cmp(&worth(b)))?;
     let way = last.log_spacing - other.log_spacing;
     // The count falls as the spacing grows; anything else is noise of the sample.
-    (way.abs() > 1e-9).then(|| ((last.error - other.error) / way).clamp(-3.0, -0.5))
+    (way.abs() > 1e-9).then(|| ((last.error - other.error) / way).clamp(STEEPEST_SLOPE, -0.5))
+}
+
+/// Whether the count has a step between the last of `trials` and the nearest other one towards the spacing with the logarithm `next`, as it
+/// has where the gaps between profiles begin to be closed: no slope tells where it is, and sites that leave or come make up for less.
+fn has_step_towards(trials: &[Trial], next: f64) -> bool {
+    let Some((last, before)) = trials.split_last() else {
+        return false;
+    };
+    let way = |trial: &Trial| trial.log_spacing - last.log_spacing;
+    let is_towards = |trial: &&Trial| way(trial) * (next - last.log_spacing) > 0.0;
+    let towards = before.iter().filter(is_towards);
+    let nearest = towards.min_by(|a, b| way(a).abs().total_cmp(&way(b).abs()));
+    nearest.is_some_and(|other| {
+        (other.error - last.error).abs() > LEAST_STEP - STEEPEST_SLOPE * way(other).abs()
+    })
 }
 
 #[cfg(test)]
@@ -408,5 +428,19 @@ mod tests {
         assert_eq!(slope(&[first, near, trial(0.4, -0.2)]), -1.0);
         assert_eq!(slope_of(&[last]), None);
         assert_eq!(slope_of(&[last, last]), None);
+    }
+
+    #[test]
+    fn a_step_of_the_count_is_told_from_noise() {
+        // Profiles five metres apart, to spacings about as wide.
+        let sonar = [(5.10, 0.387), (6.19, 0.143), (6.55, -0.078), (6.28, -0.016)];
+        let trials = sonar.map(|(spacing, error)| trial(f64::ln(spacing), error));
+        assert!(has_step_towards(&trials, f64::ln(6.23)));
+        // On the other side there is none.
+        assert!(!has_step_towards(&trials, f64::ln(6.30)));
+        // A plane, with an error of 0.02 at the last trial.
+        let plane = [trial(0.0, 0.02), trial(0.02, -0.02 - 0.02)];
+        assert!(!has_step_towards(&plane, 0.01));
+        assert!(!has_step_towards(&plane[1..], 0.01));
     }
 }
