@@ -16,14 +16,18 @@ fn tiles_of_any_size_and_tiles_in_two_rounds_agree() {
     let scans = simulated(dir.path(), &["--length", "40", "--points", "500K"]);
     let cloud = |name: &str, more: &[&str]| {
         let output = dir.path().join(name);
-        let few = ["--iterations", "8", "--fill", "0"];
+        let few = ["--iterations", "12", "--fill", "0"];
         let rules = ["--spacing", "0.3", "--spacing-of", RULES];
         succeed(&scans, &output, &[&few[..], &rules[..], more].concat());
         output
     };
     let whole = cloud("whole.laz", &["--tile-size", "1000"]);
-    let tiles = cloud("tiles.laz", &["--tile-size", "11", "--threads", "1"]);
-    assert!(report(&tiles)["tiles"].as_array().unwrap().len() > 8);
+    let tiles = cloud("tiles.laz", &["--tile-size", "15", "--threads", "1"]);
+    let of_tiles = report(&tiles);
+    assert!(of_tiles["tiles"].as_array().unwrap().len() > 5);
+    // The first of two rounds is a stage of its own.
+    let mut stages = of_tiles["stages"].as_array().unwrap().iter();
+    assert!(stages.any(|stage| stage["stage"] == "start"));
     assert!(points(&whole) == points(&tiles));
 
     // The report tells which spacings there are, and every point has its own.

@@ -135,10 +135,11 @@ fn tiles_threads_memory_and_kills_do_not_show_in_the_mesh() {
 
     // As sparse as the scan, surfaces are rough, and hang together so that triangles must be cut out. With little memory
     // the mesh is made in several parts.
-    let rough = mesh_of("rough", "0.12", &["--tile-size", "15"]);
+    let few = ["--tile-size", "15", "--iterations", "4"];
+    let rough = mesh_of("rough", "0.12", &few);
     let figures = &report(&dir.path().join("rough.laz"))["mesh"];
     assert!(figures["points_used"].as_u64() > Some(120_000) && figures["cut"].as_u64() > Some(0));
-    let little_memory = ["--tile-size", "15", "--memory", "160MiB"];
+    let little_memory = [&few[..], &["--memory", "160MiB"]].concat();
     assert!(mesh_of("little memory", "0.12", &little_memory) == rough);
 
     // Killed at several moments, and continued each time.
