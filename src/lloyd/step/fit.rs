@@ -280,8 +280,11 @@ impl Fit {
             ..
         } = self;
         let from_anchor = scanned.get_or_insert_with(|| {
-            let within = samples.in_fit_radius(*anchor, surface);
-            Box::new(reach_of(within, patch, *anchor, spacing))
+            // By the spacing there, so that it does not matter when it is computed, and again in another round.
+            let mut place = None;
+            let there = surface.at(surface.field().at(*anchor), &mut place);
+            let within = samples.in_fit_radius(*anchor, there);
+            Box::new(reach_of(within, patch, *anchor, there.spacing()))
         });
         let margin = (0.5 * border.input_spacing).max(SAMPLE_REACH_IN_SPACINGS * spacing);
         let way = site - *anchor;
