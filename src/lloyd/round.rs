@@ -247,7 +247,8 @@ mod tests {
             (Acceleration::None, 20, Some(0), false),
             (Acceleration::Relaxation, 1, Some(0), false),
             (Acceleration::None, 8, Some(1), false),
-            // More than cells have corners for.
+            // More than there are sites apart, and more than cells have corners for.
+            (Acceleration::None, 6, Some(-1500), false),
             (Acceleration::None, 6, Some(1000), false),
         ];
         for (acceleration, iterations, more, drops_isolated) in cases {
