@@ -85,7 +85,7 @@ fn hash([column, row]: [i64; 2]) -> u64 {
 mod tests {
     use super::*;
     use crate::{
-        geometry::Stored,
+        geometry::{CellIndex, Stored},
         lloyd::{PointSum, ThinnedPoints, Thinning},
         tiling::{Bounds, CellGrid, CloudInMemory},
     };
@@ -118,6 +118,14 @@ mod tests {
 
         fn squares(&self) -> impl Iterator<Item = ([i64; 2], u64)> + '_ {
             self.all.squares()
+        }
+
+        fn cells(
+            &self,
+            rect: &Rect,
+            cell_of: impl Fn(Stored) -> CellIndex + Sync,
+        ) -> Result<Vec<CellIndex>, C::Error> {
+            self.all.cells(rect, cell_of)
         }
 
         fn gather(

@@ -9,6 +9,7 @@ mod distinct;
 mod facing;
 mod round;
 mod sample;
+mod scaling;
 mod search;
 #[cfg(test)]
 mod tests;

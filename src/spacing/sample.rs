@@ -14,8 +14,9 @@
 
 use rayon::prelude::*;
 
+use super::scaling::Scaling;
 use crate::{
-    geometry::{OccupiedCells, Quantization, Rect, Stored},
+    geometry::{OccupiedCells, Quantization, Rect},
     lloyd::{Scan, SeedCounts, SolverOptions, Thinning, count_seeds},
     tiling::{CountedCloud, Plan, PlanOptions, Square, Tile},
 };
@@ -198,11 +199,10 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
         let thinning = Thinning::new(self.quantization, options);
         let occupied = by_tile(&tiles, |tile| {
             let core = thinning.of_whole_voxels(&tile.core);
-            let points =
-                self.cloud
-                    .gather(&core, self.quantization, options, PART_THINNING_LIMIT)?;
-            let voxel = |&point: &Stored| thinning.double_voxel_of(point);
-            let (voxels, _) = OccupiedCells::sort(&points.kept, voxel);
+            let cells = self
+                .cloud
+                .cells(&core, |point| thinning.double_voxel_of(point))?;
+            let (voxels, _) = OccupiedCells::sort(&cells, |&cell| cell);
             Ok(Occupied {
                 voxels: voxels.len() as f64,
                 wide: voxels.doubled_len() as f64,
@@ -217,9 +217,14 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
         self.parts.len() as f64 <= size.parts
     }
 
-    /// The number of sites of the cloud, if there are `sites_per_voxel` for each voxel that its points occupy.
-    pub(super) fn sites(&self, sites_per_voxel: f64) -> f64 {
-        sites_per_voxel * self.voxels() * self.points_per_counted_point
+    /// The number of double voxels that the points of the cloud occupy, by those of the parts.
+    pub(super) fn voxels_of_cloud(&self) -> f64 {
+        self.voxels() * self.points_per_counted_point
+    }
+
+    /// What the voxels tell of the number of sites.
+    pub(super) fn scaling(&self) -> Scaling {
+        Scaling::of(self.voxels(), self.wide())
     }
 
     /// The number of double voxels that the points of all parts occupy.
@@ -277,7 +282,7 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
     /// Estimated number of seeds of the cloud, by the seeds of the sample.
     pub(super) fn seeds(&self, sample: WeightedCounts) -> f64 {
         let wide_per_voxel = self.wide() / f64::max(self.voxels(), 1.0);
-        self.sites(sample.seeds_per_voxel(wide_per_voxel))
+        sample.seeds_per_voxel(wide_per_voxel) * self.voxels_of_cloud()
     }
 
     /// Draws parts, evenly over the cloud, by systematic sampling with probability proportional to their

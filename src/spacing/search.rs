@@ -1,14 +1,16 @@
 //! The search for the spacing that gives a count of sites.
 //!
-//! The logarithm of the count falls nearly linearly with that of the spacing: by 2 on a plane, by less where
-//! the scan is sparse. So the search is a secant method on logarithms. A quarter of the drawn parts is
-//! tried first; the others are tried only where that quarter comes near the count. Where a step would leave the range between a spacing
-//! with too many sites and one with too few, as in clouds of few points, the range is halved.
+//! The logarithm of the count falls nearly linearly with that of the spacing: by 2 on a plane, by more among leaves, by
+//! less where the scan is sparse. The voxels that it occupies, and those twice as wide, tell how steeply ([`Scaling`]); where
+//! they do not, the search is a secant method on logarithms. A quarter of the drawn parts is tried first; the others are
+//! tried only where that quarter comes near the count. Where a step would leave the range between a spacing with too many
+//! sites and one with too few, as in clouds of few points, the range is halved.
 
 use super::{
     MAX_SITES_PER_POINT, SpacingError,
     facing::dominant_normals,
     sample::{DrawnPart, Parts, SampleSize},
+    scaling::Scaling,
     sites_of_the_plane,
 };
 use crate::{
@@ -49,23 +51,16 @@ const COUNT_SAMPLE: SampleSize = SampleSize {
 /// One in this many drawn parts is tried first, and the others only where it comes near the count.
 const FIRST_PART_IN: usize = 4;
 /// Trials with the first parts alone.
-const FIRST_TRIALS: u32 = 3;
-/// Most trials; three are usual.
+const FIRST_TRIALS: u32 = 2;
+/// Most trials; one or two are usual.
 const MAX_TRIALS: u32 = 12;
 /// Error of the logarithm of the count below which the spacing is taken.
 const TOLERANCE: f64 = 0.004;
-/// Error below which the spacing is corrected and not tried again: over so short a way the count is a power
-/// of the spacing.
-const CORRECTABLE: f64 = 0.08;
-/// Error below which the spacing is corrected where the drawn parts are the whole cloud, and trying again would bring it
-/// nearer: on five scans with errors of 0.03 to 0.08 the correction left 0.1 to 0.8 %. Between the rounds of iterations
-/// sites leave or come until the count is met.
-const CORRECTABLE_OF_ALL: f64 = 0.05;
 /// Difference of the logarithms of two spacings from which on the counts of the first parts tell a slope: noise of one or two percent
 /// hides it over less. A terrestrial scan to one in 20 missed its count by 7.9 % for a slope over 0.04.
 const FAR_FOR_SLOPE: f64 = 0.1;
-/// Error of the first parts below which the next trial is of all parts.
-const NEAR_FOR_FIRST_PARTS: f64 = 0.3;
+/// Error of the first parts below which the others are tried, too.
+const NEAR_FOR_FIRST_PARTS: f64 = 0.16;
 /// Error at which the surfaces are said not to carry the count.
 const NOT_CARRIED: f64 = -0.05;
 /// Growth of the logarithm of the count, while the spacing is at least halved, below which no finer spacing is
@@ -74,9 +69,6 @@ const LEAST_GROWTH: f64 = 0.05;
 /// Where a count is not carried at the spacings around the guesses, the spacing for one site to so many points says where to look. Walls have no
 /// area, seen from above, so that the guesses are too fine for holes to be closed.
 const POINTS_TO_ONE_OF_FEWER: u64 = 4;
-/// Sites for each occupied double voxel, four fifths of a spacing wide, approximately: 0.49 on planes at all
-/// angles, 0.74 on planes along the axes.
-pub(super) const SITES_PER_VOXEL: f64 = 0.58;
 /// No slope of the logarithm of the count is steeper.
 const STEEPEST_SLOPE: f64 = -3.0;
 /// What two counts differ by beyond that is a step: more than the noise of their samples.
@@ -167,7 +159,8 @@ pub(crate) fn spacing_for_count<C: CountedCloud>(
     );
     let counted = parts.count_voxels(&options);
     counted.map_err(SpacingError::Gather)?;
-    let by_voxels = guess * (parts.sites(SITES_PER_VOXEL) / count as f64).sqrt();
+    let scaling = parts.scaling();
+    let by_voxels = guess * scaling.factor(parts.voxels_of_cloud(), count as f64);
 
     // On lattices that are not tilted there are more seeds. The directions hardly depend on the spacing; where points stand
     // alone there are none.
@@ -193,6 +186,7 @@ pub(crate) fn spacing_for_count<C: CountedCloud>(
         count: count as f64,
         sites_per_point,
         dominant_normals,
+        scaling,
         range,
     };
     let is_not_carried =
@@ -222,6 +216,7 @@ struct Search<'a, C> {
     count: f64,
     sites_per_point: f64,
     dominant_normals: DominantNormals,
+    scaling: Scaling,
     /// The least and the largest spacing.
     range: [f64; 2],
 }
@@ -273,28 +268,22 @@ impl<C: CountedCloud> Search<'_, C> {
             if is_exhausted(&trials) {
                 break;
             }
-            let slope = slope_of(&by_first_parts).unwrap_or(SLOPE_OF_A_PLANE);
+            let known = self.scaling.slope();
+            let slope = known.or_else(|| slope_of(&by_first_parts));
+            let slope = slope.unwrap_or(SLOPE_OF_A_PLANE);
             let next = kept_between(&trials, log_spacing - error / slope);
             let next = next.exp().clamp(least, most);
-            if all_parts && error.abs() <= self.correctable() {
+            if all_parts && error.abs() <= self.scaling.correctable(self.count) {
                 let is_tried = has_step_towards(&by_first_parts, next.ln());
                 return Ok(if is_tried { spacing } else { next });
             }
-            if !all_parts && (error.abs() <= NEAR_FOR_FIRST_PARTS || number + 1 == FIRST_TRIALS) {
+            if !all_parts && number + 1 == FIRST_TRIALS {
                 all_parts = true;
                 trials.clear();
             }
             spacing = next;
         }
         self.best_of(&trials, spacing)
-    }
-
-    /// Error below which a spacing by all drawn parts is corrected and not tried again.
-    fn correctable(&self) -> f64 {
-        match self.parts.are_all_drawn(COUNT_SAMPLE) {
-            true => CORRECTABLE_OF_ALL,
-            false => CORRECTABLE,
-        }
     }
 
     /// The error of the count at `spacing` by the first parts, and that by all of them if `all_parts` or if the
@@ -315,7 +304,7 @@ impl<C: CountedCloud> Search<'_, C> {
             counts.map_err(SpacingError::Gather)
         };
         let first = elect(&self.first)?;
-        if !all_parts && error(first).abs() > CORRECTABLE {
+        if !all_parts && error(first).abs() > NEAR_FOR_FIRST_PARTS {
             return Ok((error(first), None));
         }
         Ok((error(first), Some(error(first.and(elect(&self.others)?)))))

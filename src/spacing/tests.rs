@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::{SpacingError, Target, resolve, search::estimate_options};
 use crate::{
-    geometry::{Quantization, Rect, Stored, spread},
+    geometry::{CellIndex, Quantization, Rect, Stored, spread},
     lloyd::{IsolatedRule, Scan, SolverOptions, SolverSettings, ThinnedPoints, elect},
     tiling::{Bounds, CellGrid, CloudInMemory, CountedCloud},
 };
@@ -33,6 +33,21 @@ struct Watched<C> {
     gathered: AtomicU64,
 }
 
+impl<C: CountedCloud> Watched<C> {
+    /// Counts the points of the squares that touch `rect`.
+    fn count_read(&self, rect: &Rect) {
+        let edge = self.square_edge();
+        let touched = self.squares().filter(|&([x, y], _)| {
+            let min = [x * edge, y * edge];
+            let max = min.map(|c| c + edge);
+            Rect { min, max }.intersects(rect)
+        });
+        let read: u64 = touched.map(|(_, points)| points).sum();
+        self.gathers.fetch_add(1, Ordering::Relaxed);
+        self.gathered.fetch_add(read, Ordering::Relaxed);
+    }
+}
+
 impl<C: CountedCloud> CountedCloud for Watched<C> {
     type Error = C::Error;
 
@@ -52,6 +67,15 @@ impl<C: CountedCloud> CountedCloud for Watched<C> {
         self.cloud.squares()
     }
 
+    fn cells(
+        &self,
+        rect: &Rect,
+        cell_of: impl Fn(Stored) -> CellIndex + Sync,
+    ) -> Result<Vec<CellIndex>, C::Error> {
+        self.count_read(rect);
+        self.cloud.cells(rect, cell_of)
+    }
+
     fn gather(
         &self,
         rect: &Rect,
@@ -62,15 +86,7 @@ impl<C: CountedCloud> CountedCloud for Watched<C> {
         let points = self
             .cloud
             .gather(rect, quantization, options, thinning_limit)?;
-        let edge = self.square_edge();
-        let touched = self.squares().filter(|&([x, y], _)| {
-            let min = [x * edge, y * edge];
-            let max = min.map(|c| c + edge);
-            Rect { min, max }.intersects(rect)
-        });
-        let read: u64 = touched.map(|(_, points)| points).sum();
-        self.gathers.fetch_add(1, Ordering::Relaxed);
-        self.gathered.fetch_add(read, Ordering::Relaxed);
+        self.count_read(rect);
         Ok(points)
     }
 }

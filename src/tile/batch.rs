@@ -48,59 +48,67 @@ impl Batch {
         grid: CellGrid,
         record_length: usize,
     ) -> Self {
-        // Scanners sweep: most records that follow each other lie in one cell, so runs of
+        // Scanners sweep: most records that follow each other lie in one counting square, so runs of
         // records are sorted rather than records.
         let mut finder = SquareFinder::new(grid);
-        let mut runs: Vec<(CellKey, usize, usize)> = Vec::new();
+        let mut bounds = Bounds::empty();
+        let mut runs: Vec<Run> = Vec::new();
         for (record, index) in records.chunks_exact(record_length).zip(0..) {
-            let (cell, _) = finder.find(Stored::of_record(record));
+            let point = Stored::of_record(record);
+            bounds.grow(point);
+            let (cell, square) = finder.find(point);
             match runs.last_mut() {
-                Some((last, _, end)) if *last == cell => *end = index + 1,
-                _ => runs.push((cell, index, index + 1)),
+                Some(run) if (run.cell, run.square) == (cell, square) => run.end = index + 1,
+                _ => runs.push(Run {
+                    cell,
+                    first: index,
+                    end: index + 1,
+                    square,
+                }),
             }
         }
-        runs.sort_unstable();
-        let mut batch = Self {
+        runs.sort_unstable_by_key(|run| (run.cell, run.first));
+        let mut points = CellPoints {
+            records: Vec::with_capacity(records.len()),
+            sums: Vec::new(),
+        };
+        let of_cell = |runs: &[Run]| {
+            let start = points.records.len();
+            let mut squares = Box::new([0; _]);
+            for run in runs {
+                let run_of = run.first * record_length..run.end * record_length;
+                points.records.extend_from_slice(&records[run_of]);
+                squares[run.square] += (run.end - run.first) as u64;
+            }
+            CellOfBatch {
+                cell: runs[0].cell,
+                records: start..points.records.len(),
+                sums: 0..0,
+                squares,
+            }
+        };
+        let cells = runs
+            .chunk_by(|a, b| a.cell == b.cell)
+            .map(of_cell)
+            .collect();
+        Self {
             source,
             counts,
-            points: CellPoints {
-                records: Vec::with_capacity(records.len()),
-                sums: Vec::new(),
-            },
+            points,
             grid,
-            cells: Vec::new(),
-            bounds: Bounds::empty(),
+            cells,
+            bounds,
             bytes_read: records.len(),
-        };
-        for runs in runs.chunk_by(|a, b| a.0 == b.0) {
-            let start = batch.points.records.len();
-            for &(_, first, end) in runs {
-                let run = &records[first * record_length..end * record_length];
-                batch.points.records.extend_from_slice(run);
-            }
-            batch.end_cell(runs[0].0, start, record_length);
         }
-        batch
     }
+}
 
-    /// Counts the records from the byte `start` on, which are those of `cell`.
-    fn end_cell(&mut self, cell: CellKey, start: usize, record_length: usize) {
-        let records = &self.points.records[start..];
-        let mut finder = SquareFinder::new(self.grid);
-        let mut squares = Box::new([0; _]);
-        // A copy that stays in registers over the records of a cell.
-        let mut bounds = self.bounds;
-        for record in records.chunks_exact(record_length) {
-            let point = Stored::of_record(record);
-            squares[finder.find(point).1] += 1;
-            bounds.grow(point);
-        }
-        self.bounds = bounds;
-        self.cells.push(CellOfBatch {
-            cell,
-            records: start..self.points.records.len(),
-            sums: 0..0,
-            squares,
-        });
-    }
+/// Records that follow each other in one counting square.
+struct Run {
+    cell: CellKey,
+    /// The index of the square in the cell.
+    square: usize,
+    /// The index of the first record, and that after the last.
+    first: usize,
+    end: usize,
 }

@@ -2,7 +2,7 @@
 
 use super::{cell_points::Spilled, error::TileError, spill::Spill};
 use crate::{
-    geometry::{Quantization, Rect, Stored},
+    geometry::{CellIndex, DistinctCells, Quantization, Rect, Stored},
     lloyd::{SolverOptions, ThinnedPoints, Thinning},
     tiling::{Bounds, CountedCloud},
 };
@@ -91,6 +91,25 @@ impl CountedCloud for Spill {
             },
         )?;
         Ok(all.points)
+    }
+
+    fn cells(
+        &self,
+        rect: &Rect,
+        cell_of: impl Fn(Stored) -> CellIndex + Sync,
+    ) -> Result<Vec<CellIndex>, TileError> {
+        let mut all = DistinctCells::default();
+        self.gather_each(
+            rect,
+            |found: &mut DistinctCells, spilled| {
+                // What is a sum was a point of a voxel that keeps points.
+                if let Spilled::Record(record) = spilled {
+                    found.add(cell_of(Stored::of_record(record)));
+                }
+            },
+            |found| all.join(found),
+        )?;
+        Ok(all.into_sorted())
     }
 
     fn complete(

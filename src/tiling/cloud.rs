@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::{Bounds, CellGrid, MAX_OCCUPIED_CELLS};
 use crate::{
-    geometry::{Quantization, Rect, Stored},
+    geometry::{CellIndex, DistinctCells, Quantization, Rect, Stored},
     lloyd::{SolverOptions, ThinnedPoints, Thinning},
 };
 
@@ -45,6 +45,17 @@ pub(crate) trait CountedCloud: Sync {
         options: &SolverOptions,
         thinning_limit: u64,
     ) -> Result<ThinnedPoints, Self::Error>;
+
+    /// The cells in which the points in `rect` lie by `cell_of`, each once, in order.
+    ///
+    /// # Errors
+    ///
+    /// If a part of the cloud cannot be read.
+    fn cells(
+        &self,
+        rect: &Rect,
+        cell_of: impl Fn(Stored) -> CellIndex + Sync,
+    ) -> Result<Vec<CellIndex>, Self::Error>;
 
     /// Completes what is known of the spacing at `points` that were gathered for `options`, where it varies: they are
     /// thinned, and rules look at the points around each.
@@ -103,6 +114,37 @@ impl<'a, S> CloudInMemory<'a, S> {
             stop,
         }
     }
+
+    /// The points in `rect`, unless the job is to stop.
+    fn points_in<E>(&self, rect: &Rect) -> Result<impl Iterator<Item = Stored>, E>
+    where
+        S: Fn() -> Result<(), E>,
+    {
+        (self.stop)()?;
+        let edge = self.grid.square();
+        let [first, last] =
+            [rect.min, rect.max.map(|c| c - 1)].map(|c| c.map(|c| c.div_euclid(edge)));
+        let mut touched: Vec<Range<usize>> = Vec::new();
+        // Squares are sorted by column, then by row: those of a column that the rectangle touches are
+        // next to each other.
+        let mut rest = &self.squares[self.squares.partition_point(|(s, _)| *s < first)..];
+        while let Some(&([column, row], _)) = rest.first() {
+            if column > last[0] {
+                break;
+            }
+            if row < first[1] {
+                rest = &rest[rest.partition_point(|(s, _)| *s < [column, first[1]])..];
+            } else if row > last[1] {
+                rest = &rest[rest.partition_point(|(s, _)| *s < [column + 1, first[1]])..];
+            } else {
+                touched.push(rest[0].1.clone());
+                rest = &rest[1..];
+            }
+        }
+        let rect = *rect;
+        let points = touched.into_iter().flat_map(|range| &self.points[range]);
+        Ok(points.copied().filter(move |&point| rect.contains(point)))
+    }
 }
 
 impl<S, E> CountedCloud for CloudInMemory<'_, S>
@@ -136,33 +178,24 @@ where
         options: &SolverOptions,
         thinning_limit: u64,
     ) -> Result<ThinnedPoints, E> {
-        (self.stop)()?;
-        let edge = self.grid.square();
-        let [first, last] =
-            [rect.min, rect.max.map(|c| c - 1)].map(|c| c.map(|c| c.div_euclid(edge)));
-        let mut gathered = Vec::new();
-        // Squares are sorted by column, then by row: those of a column that the rectangle touches are
-        // next to each other.
-        let mut rest = &self.squares[self.squares.partition_point(|(s, _)| *s < first)..];
-        while let Some(&([column, row], _)) = rest.first() {
-            if column > last[0] {
-                break;
-            }
-            if row < first[1] {
-                rest = &rest[rest.partition_point(|(s, _)| *s < [column, first[1]])..];
-            } else if row > last[1] {
-                rest = &rest[rest.partition_point(|(s, _)| *s < [column + 1, first[1]])..];
-            } else {
-                let points = &self.points[rest[0].1.clone()];
-                gathered.extend(points.iter().filter(|&&point| rect.contains(point)));
-                rest = &rest[1..];
-            }
-        }
+        let gathered: Vec<Stored> = self.points_in(rect)?.collect();
         let gathered = ThinnedPoints::from(gathered);
         Ok(match gathered.len() as u64 > thinning_limit {
             true => Thinning::new(quantization, options).thinned(gathered),
             false => gathered,
         })
+    }
+
+    fn cells(
+        &self,
+        rect: &Rect,
+        cell_of: impl Fn(Stored) -> CellIndex + Sync,
+    ) -> Result<Vec<CellIndex>, E> {
+        let mut cells = DistinctCells::default();
+        for point in self.points_in(rect)? {
+            cells.add(cell_of(point));
+        }
+        Ok(cells.into_sorted())
     }
 }
 
