@@ -8,13 +8,13 @@
 /// number of sites follows nothing that voxels know.
 const LEAST_DIMENSION: f64 = 1.25;
 /// Sites for each occupied double voxel at a spacing that is told from voxels of another. With 0.58 the first spacing tried was
-/// 4 % too wide in the mean of nine scans at three or four counts each.
+/// 4 % too wide in the mean of eight scans at four counts each.
 const SITES_PER_VOXEL: f64 = 0.53;
 /// The slope of the logarithm of the number of sites over that of the spacing is this, and this for each dimension: regression
-/// over those 36 cases, from which the slopes differ by 0.08 (root mean square).
+/// over 36 cases (nine scans at four counts each), from which the slopes differ by 0.08 (root mean square).
 const SLOPE: [f64; 2] = [-0.95, -0.59];
-/// Error of the logarithm of a count below which a spacing is corrected by that slope and not tried again: the
-/// correction left 0.5 % (root mean square), with 0.12 as little for a sixth more work.
+/// Error of the logarithm of a count below which a spacing is corrected by that slope and not tried again: in those cases the
+/// correction left 0.5 % (root mean square), with 0.12 it left 0.4 % for a sixth more work.
 const CORRECTABLE: f64 = 0.16;
 /// That error where the slope is not known, or where there are few sites: another trial takes no time, and few sites do not follow
 /// slopes closely.
