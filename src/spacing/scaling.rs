@@ -16,11 +16,14 @@ const SLOPE: [f64; 2] = [-0.95, -0.59];
 /// Error of the logarithm of a count below which a spacing is corrected by that slope and not tried again: in those cases the
 /// correction left 0.5 % (root mean square), with 0.12 it left 0.4 % for a sixth more work.
 const CORRECTABLE: f64 = 0.16;
-/// That error where the slope is not known, or where there are few sites: another trial takes no time, and few sites do not follow
-/// slopes closely.
-const CORRECTABLE_AT_LEAST: f64 = 0.05;
+/// That error where the slope is not known.
+const CORRECTABLE_OF_SPARSE: f64 = 0.05;
+/// That error where there are few sites: another trial takes no time, their number follows no slope closely, and in the lattice of
+/// a plane each site that comes or leaves is seen. In 33 cases of 17 simulated clouds to 1 000 and 3 000 δ is 0.050 in the geometric mean;
+/// with 0.05 for the former and 0.16 for the latter it was 0.054.
+const CORRECTABLE_OF_FEW: f64 = 0.02;
 /// With fewer sites than this there are few.
-const FEW_SITES: f64 = 3000.0;
+const FEW_SITES: f64 = 10_000.0;
 
 /// What the voxels of a scan tell of the number of sites.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,8 +56,9 @@ impl Scaling {
     /// Error of the logarithm of `count` below which the spacing is corrected and not tried again.
     pub(super) fn correctable(self, count: f64) -> f64 {
         match self.dimension {
-            Some(_) if count >= FEW_SITES => CORRECTABLE,
-            _ => CORRECTABLE_AT_LEAST,
+            _ if count < FEW_SITES => CORRECTABLE_OF_FEW,
+            Some(_) => CORRECTABLE,
+            None => CORRECTABLE_OF_SPARSE,
         }
     }
 }

@@ -102,7 +102,7 @@ impl CountedCloud for Spill {
         self.gather_each(
             rect,
             |found: &mut DistinctCells, spilled| {
-                // What is a sum was a point of a voxel that keeps points.
+                // The points of a sum lie in a voxel that keeps others.
                 if let Spilled::Record(record) = spilled {
                     found.add(cell_of(Stored::of_record(record)));
                 }
