@@ -47,17 +47,21 @@ impl DistinctCells {
 
     /// The cells, each once, in order.
     pub(crate) fn into_sorted(mut self) -> Vec<CellIndex> {
+        self.sort();
+        self.cells
+    }
+
+    /// Sorts the cells, and drops what is there twice.
+    fn sort(&mut self) {
         self.cells.sort_unstable();
         self.cells.dedup();
-        self.cells
     }
 
     /// Drops what is there twice if the cells are more than the limit, which from then on is at least twice the number
     /// of those that stay.
     fn keep_to_limit(&mut self) {
         if self.cells.len() > self.limit {
-            self.cells.sort_unstable();
-            self.cells.dedup();
+            self.sort();
             self.limit = self.limit.max(2 * self.cells.len());
         }
     }

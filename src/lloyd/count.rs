@@ -109,8 +109,8 @@ impl Candidate {
     }
 
     fn order(&self, other: &Self) -> Ordering {
-        let by_rank = self.rank.total_cmp(&other.rank);
-        let by_rank = self.waits.cmp(&other.waits).then(by_rank);
+        let by_waiting = self.waits.cmp(&other.waits);
+        let by_rank = by_waiting.then_with(|| self.rank.total_cmp(&other.rank));
         by_rank.then_with(|| (self.priority, self.identity).cmp(&(other.priority, other.identity)))
     }
 }

@@ -247,7 +247,7 @@ mod tests {
             (Acceleration::None, 20, Some(0), false),
             (Acceleration::Relaxation, 1, Some(0), false),
             (Acceleration::None, 8, Some(1), false),
-            // More than there are sites apart, and more than cells have corners for.
+            // More leave than stand apart, and more come than cells have corners for.
             (Acceleration::None, 6, Some(-1500), false),
             (Acceleration::None, 6, Some(1000), false),
         ];
