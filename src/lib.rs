@@ -136,9 +136,7 @@ pub mod internals {
             Site, Solution, SolverOptions, TileRegion, describe_positions, elect, solve,
             uniformity,
         },
-        quality::{
-            CellFigures, DistanceFigures, DistanceSums, DistanceTally, Uniformity, UniformityTally,
-        },
+        quality::{CellFigures, DistanceFigures, DistanceTally, Uniformity, UniformityTally},
         simulate::{SimulatedPoint, Street, StreetOptions},
         tile::{
             NeighborSites, Opener, ScatterOptions, SeamTally, SolvedSite, Source, SourceError,

@@ -135,8 +135,7 @@ pub(crate) fn curve(
     let start = Instant::now();
     let solution = solve(&scan, &TileRegion::everything(), &options);
     let seconds = start.elapsed().as_secs_f64();
-    let delta = solution.convergence.iter().map(|sums| sums.delta());
-    (delta.collect(), seconds)
+    (solution.delta_by_iteration(), seconds)
 }
 
 /// What a method made, and how even it is.

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     geometry::Stored,
-    quality::{DistanceSums, DistanceTally, UniformityTally},
+    quality::{DistanceTally, SumsBySurroundings, UniformityTally},
     tiling::Tile,
 };
 
@@ -37,7 +37,7 @@ pub(crate) struct TileFigures {
     /// Distances of input points to their nearest sites.
     pub(crate) coverage: DistanceTally,
     /// Sums of the nearest distances at the start of every iteration, and after the last one.
-    pub(crate) convergence: Vec<DistanceSums>,
+    pub(crate) convergence: Vec<SumsBySurroundings>,
 }
 
 impl TileFigures {

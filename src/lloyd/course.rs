@@ -19,7 +19,7 @@ use super::{
 };
 use crate::{
     geometry::{Local, Stored},
-    quality::{DistanceSums, UniformityTally},
+    quality::{SumsBySurroundings, UniformityTally},
 };
 
 /// Receives the share of the work that is done, between 0 and 1, from time to time, and says
@@ -50,12 +50,12 @@ pub(super) struct Course<'a> {
     /// The figures of the core's sites before the first iteration of all.
     pub(super) seeds: UniformityTally,
     /// The distances from the core's sites to their nearest neighbours before the first iteration of all.
-    seed_distances: DistanceSums,
+    seed_distances: SumsBySurroundings,
     /// The identities of the core's seeds that are isolated, in order; left out of the sites if the options say so.
     pub(super) isolated: Vec<Stored>,
     /// The distances from the core's sites to their nearest neighbours, at the start of every
     /// iteration of the round; where the spacing varies, as if it were the coarsest everywhere.
-    pub(super) convergence: Vec<DistanceSums>,
+    pub(super) convergence: Vec<SumsBySurroundings>,
 }
 
 impl<'a> Course<'a> {
@@ -144,7 +144,7 @@ impl<'a> Course<'a> {
             sites,
             accelerator: Accelerator::resume(options.acceleration, memories),
             seeds: UniformityTally::new(options.spacing),
-            seed_distances: DistanceSums::default(),
+            seed_distances: SumsBySurroundings::default(),
             isolated: Vec::new(),
             convergence: Vec::new(),
         }
@@ -267,8 +267,13 @@ fn consult(
 }
 
 /// The distances from the core's `sites` to their nearest neighbours, as if all spacings were `spacing` (CRS units).
-pub(super) fn nearest_distances(region: &TileRegion, sites: &[Site], spacing: f64) -> DistanceSums {
+pub(super) fn nearest_distances(
+    region: &TileRegion,
+    sites: &[Site],
+    spacing: f64,
+) -> SumsBySurroundings {
     let counts = |site: &&Site| site.nearest.is_finite() && region.core.contains(site.identity);
     let distances = sites.iter().filter(counts);
-    DistanceSums::of(distances.map(|site| spacing / site.spacing * site.nearest))
+    let scaled = |site: &Site| spacing / site.spacing * site.nearest;
+    SumsBySurroundings::of(distances.map(|site| (site.surroundings(), scaled(site))))
 }

@@ -61,10 +61,10 @@ impl<'a> ResumedSites<'a> {
         }
     }
 
-    /// Number of sites.
+    /// The identities of the sites, in the order of their blocks.
     #[cfg(test)]
-    pub(crate) fn len(&self) -> usize {
-        self.steps.len()
+    pub(crate) fn identities(&self) -> &[Stored] {
+        &self.identities
     }
 
     /// Adds the states of some of the sites; those of others are left out.

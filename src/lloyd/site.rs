@@ -1,6 +1,9 @@
 //! A site with the figures of its cell.
 
-use crate::geometry::{Local, Stored};
+use crate::{
+    geometry::{Local, Stored},
+    quality::Surroundings,
+};
 
 /// Bound on the search for the nearest other site.
 pub(crate) const FARTHEST_NEIGHBOR_IN_SPACINGS: f64 = 4.0;
@@ -45,6 +48,11 @@ impl Site {
     /// Whether the scan describes a surface where the site is, and not leaves, a wire or clutter.
     pub(crate) fn is_on_surface(&self) -> bool {
         self.trust >= 1.0
+    }
+
+    /// What is around the site.
+    pub(crate) fn surroundings(&self) -> Surroundings {
+        Surroundings::of(self.is_on_surface(), self.is_closed)
     }
 
     /// The area of the cell (CRS units squared), if the input describes a surface there and

@@ -16,7 +16,7 @@ use super::{
 };
 use crate::{
     geometry::{Cell, ITEMS_PER_TASK, Local, Moments, Stored},
-    quality::DistanceSums,
+    quality::SumsBySurroundings,
 };
 
 /// The sites of a cloud on their way, in the order of their blocks, and of their identities
@@ -131,7 +131,11 @@ impl<'a> Sites<'a> {
     /// Computes the Lloyd step of every site that still matters. Gives the distances from the
     /// core's sites to their nearest neighbours before the step; where the spacing varies, as if it were the coarsest
     /// everywhere.
-    pub(super) fn lloyd_step(&mut self, cone: &DependencyCone<'_>, iteration: u32) -> DistanceSums {
+    pub(super) fn lloyd_step(
+        &mut self,
+        cone: &DependencyCone<'_>,
+        iteration: u32,
+    ) -> SumsBySurroundings {
         let (surface, region, identities) = (self.surface, self.region, &self.identities);
         let matters = |site: usize| cone.matters(identities[site], iteration);
         let was_exact = self.are_exact();
@@ -156,12 +160,14 @@ impl<'a> Sites<'a> {
                     let scale = spacing / vicinity.spacing;
                     step.advance(iteration.on(surface), vicinity);
                     if let Some(nearest) = nearest {
-                        *nearest = step.nearest.map(|distance| scale * distance);
+                        *nearest = step
+                            .nearest
+                            .map(|distance| (step.surroundings(), scale * distance));
                     }
                 }
             },
         );
-        DistanceSums::of(nearest.into_iter().flatten())
+        SumsBySurroundings::of(nearest.into_iter().flatten())
     }
 
     /// Moves the sites to the positions `next`, projected and restricted; where that is not

@@ -25,13 +25,13 @@ pub(crate) fn delta(count: f64, sum: f64, squares: f64) -> f64 {
 
 /// The sums over nearest distances that determine δ.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct DistanceSums {
+pub(crate) struct DistanceSums {
     /// Number of distances.
-    pub count: u64,
+    pub(crate) count: u64,
     /// Sum of the distances (CRS units).
-    pub sum: f64,
+    pub(crate) sum: f64,
     /// Sum of the squared distances (CRS units squared).
-    pub squares: f64,
+    pub(crate) squares: f64,
 }
 
 impl DistanceSums {
@@ -57,7 +57,7 @@ impl DistanceSums {
     }
 
     /// δ of the distances; NaN without any.
-    pub fn delta(&self) -> f64 {
+    pub(crate) fn delta(&self) -> f64 {
         delta(self.count as f64, self.sum, self.squares)
     }
 }

@@ -6,11 +6,12 @@
 mod deviation;
 mod distances;
 mod spacings;
+mod surroundings;
 mod uniformity;
 
-pub use deviation::DistanceSums;
-pub(crate) use deviation::delta_squared;
+pub(crate) use deviation::{DistanceSums, delta_squared};
 pub use distances::{DistanceFigures, DistanceTally};
 pub(crate) use spacings::{SpacingClass, SpacingTally};
+pub(crate) use surroundings::{SumsBySurroundings, Surroundings};
 pub(crate) use uniformity::HEXAGON_ENERGY;
 pub use uniformity::{CellFigures, Uniformity, UniformityTally};

@@ -3,13 +3,13 @@
 use serde::Serialize;
 
 use super::{
-    isolated::IsolatedReturns, mesh::MeshReport, numbers::figure, squares::AreaMap,
-    tallies::TileTallies,
+    convergence::Convergence, isolated::IsolatedReturns, mesh::MeshReport, numbers::figure,
+    squares::AreaMap, tallies::TileTallies,
 };
 use crate::{
     geometry::Quantization,
     job::{InputCount, Outcome, ReportedLevels, ResourceSample, StageCost},
-    quality::{DistanceFigures, DistanceSums, SpacingClass, SpacingTally, Uniformity},
+    quality::{DistanceFigures, SpacingClass, SpacingTally, Uniformity},
     transients::TransientCounts,
     views::{DetailView, ViewerSample},
 };
@@ -147,8 +147,9 @@ pub(super) struct TileFit {
 /// [`Fidelity`].
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct NearestDistances {
-    /// δ at the start of every iteration, and after the last one.
-    pub(super) convergence: Vec<f64>,
+    /// δ by iteration.
+    #[serde(flatten)]
+    pub(super) convergence: Convergence,
     /// The histogram of the seeds.
     pub(super) histogram_seeds: Vec<u64>,
     /// The histogram of a sample of the input, of approximately as many points as the output.
@@ -286,11 +287,7 @@ impl Report {
                 seams: Seams::of(outcome),
             },
             nearest: NearestDistances {
-                convergence: tallies
-                    .convergence
-                    .iter()
-                    .map(DistanceSums::delta)
-                    .collect(),
+                convergence: Convergence::of(&tallies.convergence),
                 histogram_seeds: tallies.seeds.histogram(BINS, SPANNED),
                 histogram_input: tallies.input.histogram(BINS, SPANNED),
                 histogram_output: outcome.stitched.all.histogram(BINS, SPANNED),

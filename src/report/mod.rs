@@ -5,6 +5,7 @@
 
 mod chart;
 mod contents;
+mod convergence;
 mod figure_tables;
 mod html;
 mod isolated;

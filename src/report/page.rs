@@ -45,10 +45,7 @@ fn sections(report: &Report) -> [(&'static str, String); 17] {
         ("Points by spacing", spacings(report)),
         ("A square before and after", before_and_after(report)),
         ("Nearest distances, in spacings", nearest_distances(report)),
-        (
-            "δ by iteration",
-            chart::line("δ by iteration", &report.nearest.convergence),
-        ),
+        ("δ by iteration", report.nearest.convergence.section()),
         (
             "Distances between input and output, in spacings",
             distances(report),

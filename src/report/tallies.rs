@@ -2,7 +2,7 @@
 
 use crate::{
     job::Outcome,
-    quality::{DistanceSums, DistanceTally, UniformityTally},
+    quality::{DistanceTally, SumsBySurroundings, UniformityTally},
 };
 
 /// The figures of all tiles, added in the order of the plan.
@@ -20,7 +20,7 @@ pub(super) struct TileTallies {
     /// Distances from points of the input to the sites.
     pub(super) coverage: DistanceTally,
     /// Sums of nearest distances, iteration by iteration.
-    pub(super) convergence: Vec<DistanceSums>,
+    pub(super) convergence: Vec<SumsBySurroundings>,
     /// The number of sites.
     pub(super) count: u64,
     /// The number of sites that stayed at the position of their seed.
@@ -55,7 +55,8 @@ impl TileTallies {
             sum.accuracy.add(&tile.accuracy);
             sum.coverage.add(&tile.coverage);
             let iterations = tile.convergence.len().max(sum.convergence.len());
-            sum.convergence.resize(iterations, DistanceSums::default());
+            sum.convergence
+                .resize(iterations, SumsBySurroundings::default());
             for (sum, part) in sum.convergence.iter_mut().zip(&tile.convergence) {
                 sum.add(part);
             }

@@ -12,7 +12,7 @@ use crate::{
         Candidates, CountCorrection, FirstRound, ResumedSites, SiteState, SolverOptions,
         SpacingField, WantedCount,
     },
-    quality::{DistanceSums, UniformityTally},
+    quality::{SumsBySurroundings, UniformityTally},
     tile::{BlockFile, TileError},
     tiling::Tile,
 };
@@ -37,7 +37,7 @@ pub(crate) struct StartedTile {
     /// Uniformity of the seeds of the core.
     pub(crate) seeds: UniformityTally,
     /// Sums of the nearest distances at the start of every iteration of the round.
-    pub(crate) convergence: Vec<DistanceSums>,
+    pub(crate) convergence: Vec<SumsBySurroundings>,
     /// The positions in the core that close the holes of the scan.
     pub(crate) filling: Vec<Stored>,
     /// The identities of the isolated seeds in the core.
@@ -51,7 +51,7 @@ impl StartedTile {
     /// the holes, and the isolated seeds.
     pub(crate) fn new(
         seeds: UniformityTally,
-        convergence: Vec<DistanceSums>,
+        convergence: Vec<SumsBySurroundings>,
         filling: Vec<Stored>,
         isolated: Vec<Stored>,
     ) -> Self {
@@ -328,11 +328,17 @@ mod tests {
                 .sites_in(&seen, &tiles, &SpacingField::constant(0.1), &uncorrected)
                 .unwrap();
             let expected = states.iter().filter(|s| seen.contains(s.identity));
-            assert_eq!(found.len(), expected.count());
+            let mut expected: Vec<Stored> = expected.map(|state| state.identity).collect();
+            expected.sort_unstable();
+            let mut found = found.identities().to_vec();
+            found.sort_unstable();
+            assert_eq!(found, expected);
             let mut found = file.filling_in(&seen, &tiles).unwrap();
             found.sort_unstable();
-            let expected = filling.iter().filter(|&&p| seen.contains(p)).count();
-            assert_eq!(found.len(), expected);
+            let filling = filling.iter().copied().filter(|&p| seen.contains(p));
+            let mut expected: Vec<Stored> = filling.collect();
+            expected.sort_unstable();
+            assert_eq!(found, expected);
         }
     }
 

@@ -20,6 +20,7 @@ use super::{
 use crate::{
     geometry::{Local, Moments},
     lloyd::{region::DependencyCone, site::FARTHEST_NEIGHBOR_IN_SPACINGS, surface::Surface},
+    quality::Surroundings,
 };
 
 /// A site that is moved to a facet when all iterations are done comes no nearer to another than this, unless one is as
@@ -124,6 +125,12 @@ impl Step {
             is_exact: true,
             ..Self::new(position)
         }
+    }
+
+    /// What is around the site.
+    pub(crate) fn surroundings(&self) -> Surroundings {
+        let is_on_surface = self.fit.as_ref().is_some_and(|fit| fit.trust >= 1.0);
+        Surroundings::of(is_on_surface, !self.is_open)
     }
 
     /// The step as it is kept between two rounds.
