@@ -14,7 +14,9 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::running::{PROGRAM, lloydar, points, report, run, start, street, succeed, text};
+use crate::running::{
+    PROGRAM, lloydar, points, report, run, simulated, start, street, succeed, text,
+};
 use las::{Builder, PointDataBuilder, Transform, Vector, Writer, point::Format};
 
 fn stderr(done: &std::process::Output) -> String {
@@ -198,6 +200,27 @@ fn what_is_no_scan_is_answered() {
 }
 
 #[test]
+fn scans_of_a_few_places_are_answered() {
+    let dir = tempfile::tempdir().unwrap();
+    let (one, four) = (dir.path().join("one.laz"), dir.path().join("four.laz"));
+    cloud(&one, [[1, 2, 3]].into_iter());
+    let corners = [[0, 0, 0], [2, 0, 0], [0, 2, 0], [2, 2, 0]];
+    cloud(&four, corners.into_iter());
+    let output = dir.path().join("even.laz");
+    // Nothing is as wide as that on a scale of a millimetre.
+    let done = run(&one, &output, &["--spacing", "1e18"]);
+    assert_eq!(done.status.code(), Some(1), "{}", stderr(&done));
+    assert!(stderr(&done).contains("give less"), "{}", stderr(&done));
+    // Four points two steps of the scale apart are too near for a spacing between them.
+    for target in [["--ratio", "0.5"], ["--count", "2"]] {
+        let done = run(&four, &output, &target);
+        let message = stderr(&done);
+        assert!(matches!(done.status.code(), Some(0 | 1)), "{message}");
+        assert!(!message.contains("panic"), "{message}");
+    }
+}
+
+#[test]
 fn names_that_are_no_text_are_names() {
     use std::os::unix::ffi::OsStrExt;
     let dir = tempfile::tempdir().unwrap();
@@ -279,6 +302,29 @@ fn a_signal_stops_within_a_second_and_the_job_goes_on() {
     succeed(&scans, &stopped, &options);
     succeed(&scans, &whole, &options);
     assert_eq!(fs::read(whole).unwrap(), fs::read(stopped).unwrap());
+}
+
+#[test]
+fn a_full_disk_is_an_error_while_the_next_tile_waits_for_room() {
+    let dir = tempfile::tempdir().unwrap();
+    let scans = simulated(dir.path(), &["--points", "250K", "--passes", "1"]);
+    // A limit of the shell stands for a full disk: a solved tile takes more than 20 000 bytes. The memory has room for one
+    // tile at a time.
+    let limited = r#"trap "" XFSZ; ulimit -f 40; exec "$0" run "$1" -o "$2" -q --spacing 0.12 --iterations 1 --memory 96MiB"#;
+    let output = dir.path().join("even.laz");
+    let mut job = Command::new("sh")
+        .args(["-c", limited, PROGRAM, text(&scans), text(&output)])
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let begun = Instant::now();
+    while job.try_wait().unwrap().is_none() && begun.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    job.kill().ok();
+    let done = job.wait_with_output().unwrap();
+    assert_eq!(done.status.code(), Some(1), "{}", stderr(&done));
+    assert!(stderr(&done).contains("tiles.solved"), "{}", stderr(&done));
 }
 
 #[test]

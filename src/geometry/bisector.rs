@@ -66,6 +66,29 @@ impl Bisector {
         position.dot(&self.direction) - self.half
     }
 
+    /// The position on the surface over the straight way between `ends`, one on either side of the plane and `beyond` it by that
+    /// much, where the way crosses the plane.
+    #[inline]
+    pub(super) fn crossing(
+        &self,
+        [here, there]: [Local; 2],
+        beyond: [f64; 2],
+        surface: &Heights,
+    ) -> Local {
+        let way = there - here;
+        // Over a straight way the patch is a parabola, and so is the distance from the plane, with one root between the ends.
+        let quadratic = surface.quadratic_term(way.x, way.y) * self.direction.z;
+        let half = 0.5 * (beyond[1] - beyond[0] - quadratic);
+        let root = (half * half - quadratic * beyond[0]).max(0.0).sqrt();
+        let sum = -(half + root.copysign(half));
+        let [one, other] = [beyond[0] / sum, sum / quadratic];
+        let share = match (0.0..=1.0).contains(&one) {
+            true => one,
+            false => other.clamp(0.0, 1.0),
+        };
+        lift(surface, here.x + way.x * share, here.y + way.y * share)
+    }
+
     /// The derivatives of [`beyond`](Self::beyond) along `u` and `v` on a surface of the given
     /// slopes.
     #[inline]

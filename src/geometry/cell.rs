@@ -29,8 +29,7 @@ use super::{
     heights::Heights,
 };
 
-/// Every cut adds at most one corner; a cell with more sides is not met before
-/// the neighbours that could make it run out.
+/// A cut that would give a cell more corners is not made. A cell has six, rarely more than ten.
 const MAX_CORNERS: usize = 40;
 /// Stands for the bounding polygon in place of a neighbour.
 const RIM: u32 = u32::MAX;
@@ -172,37 +171,24 @@ impl Cell {
             *side = bisector.beyond(corner.position);
             farthest = farthest.max(*side);
         }
-        if farthest <= 0.0 || count + 2 > MAX_CORNERS {
+        if farthest <= 0.0 {
             return false;
         }
         let mut kept = 0;
         for k in 0..count {
             let next = if k + 1 == count { 0 } else { k + 1 };
             let (here, there) = (&corners[k], &corners[next]);
+            if kept + 2 > MAX_CORNERS {
+                return false;
+            }
             if sides[k] <= 0.0 {
                 cut[kept] = *here;
                 kept += 1;
             }
             if (sides[k] <= 0.0) != (sides[next] <= 0.0) {
-                let way = there.position - here.position;
-                // Over a straight way the patch is a parabola, and so is the
-                // distance from the bisector, with one root between the ends.
-                let quadratic = surface.quadratic_term(way.x, way.y) * bisector.direction.z;
-                let half = 0.5 * (sides[next] - sides[k] - quadratic);
-                let root = (half * half - quadratic * sides[k]).max(0.0).sqrt();
-                let sum = -(half + root.copysign(half));
-                let [one, other] = [sides[k] / sum, sum / quadratic];
-                let t = if (0.0..=1.0).contains(&one) {
-                    one
-                } else {
-                    other.clamp(0.0, 1.0)
-                };
+                let ends = [here.position, there.position];
                 cut[kept] = Corner {
-                    position: lift(
-                        surface,
-                        here.position.x + way.x * t,
-                        here.position.y + way.y * t,
-                    ),
+                    position: bisector.crossing(ends, [sides[k], sides[next]], surface),
                     // Leaving the kept side, the new edge is the neighbour's.
                     edge: if sides[k] <= 0.0 {
                         neighbor.index

@@ -52,9 +52,9 @@ pub struct CellFigures {
 pub struct UniformityTally {
     spacing: f64,
     /// Number and sum (CRS units) of the nearest distances in each bin.
-    bins: Vec<(u32, f64)>,
+    bins: Vec<(u64, f64)>,
     /// Number of cells in each bin of areas.
-    area_bins: Vec<u32>,
+    area_bins: Vec<u64>,
     count: u64,
     alone: u64,
     sum: f64,
@@ -203,7 +203,7 @@ impl UniformityTally {
         for (k, &(count, _)) in self.bins.iter().enumerate() {
             let part = (k as f64 + 0.5) / BINS_PER_SPACING / spacings;
             if let Some(bin) = counts.get_mut((part * bins as f64) as usize) {
-                *bin += u64::from(count);
+                *bin += count;
             }
         }
         counts
@@ -219,7 +219,7 @@ impl UniformityTally {
             .bins
             .iter()
             .filter(|bin| bin.0 > 0)
-            .map(|&(count, sum)| (sum - f64::from(count) * mean).abs())
+            .map(|&(count, sum)| (sum - count as f64 * mean).abs())
             .sum::<f64>()
             / n;
         Uniformity {
@@ -237,9 +237,7 @@ impl UniformityTally {
             p99: self.quantile(0.99) / mean,
             cells: self.cells,
             energy_ratio: self.energy / self.area / cell_area / HEXAGON_ENERGY,
-            cell_area_cv: (self.area_squares / cells / (cell_area * cell_area) - 1.0)
-                .clamp(0.0, f64::INFINITY)
-                .sqrt(),
+            cell_area_cv: delta(cells, self.area, self.area_squares),
             packing: mean / (2.0 * cell_area / 3.0_f64.sqrt()).sqrt(),
             six_neighbors: self.with_six as f64 / cells,
             even_cells: self.even_cells() as f64 / cells,
@@ -253,10 +251,10 @@ impl UniformityTally {
         self.bins
             .iter()
             .find(|bin| {
-                seen += u64::from(bin.0);
+                seen += bin.0;
                 bin.0 > 0 && seen >= rank
             })
-            .map_or(f64::NAN, |&(count, sum)| sum / f64::from(count))
+            .map_or(f64::NAN, |&(count, sum)| sum / count as f64)
     }
 
     /// The number of cells whose area is within a quarter of the mean, by the centres of the bins.
@@ -268,7 +266,7 @@ impl UniformityTally {
         };
         let bins = self.area_bins.iter().enumerate();
         let even = bins.filter(|&(bin, _)| is_even(bin));
-        even.map(|(_, &count)| u64::from(count)).sum()
+        even.map(|(_, &count)| count).sum()
     }
 
     /// δ without the largest hundredth of the distances, by the means of the bins.
@@ -277,8 +275,8 @@ impl UniformityTally {
         let kept = rest as f64;
         let (mut sum, mut squares) = (0.0, 0.0);
         for &(count, total) in self.bins.iter().filter(|bin| bin.0 > 0) {
-            let taken = rest.min(count.into());
-            let mean = total / f64::from(count);
+            let taken = rest.min(count);
+            let mean = total / count as f64;
             sum += mean * taken as f64;
             squares += mean * mean * taken as f64;
             rest -= taken;
@@ -363,8 +361,16 @@ mod tests {
             UniformityTally::new(1.0),
         );
         for i in 0..900 {
-            whole.push_distance(distance(i));
-            if i % 2 == 0 { &mut part } else { &mut other }.push_distance(distance(i));
+            let part = if i % 2 == 0 { &mut part } else { &mut other };
+            for tally in [&mut whole, part] {
+                tally.push_distance(distance(i));
+                tally.push_cell(CellFigures {
+                    area: distance(i),
+                    energy: distance(i) * distance(i),
+                    neighbors: 5 + (i % 3) as u8,
+                });
+                tally.push_alone();
+            }
         }
         part.add(&other);
         assert_eq!(part, whole);

@@ -70,7 +70,8 @@ impl Target {
 /// Why no spacing can be given. Lengths are CRS units.
 #[derive(Debug)]
 pub(crate) enum SpacingError<E> {
-    /// The spacing is more than half of what the cloud measures along its longest axis.
+    /// The spacing is more than half of what the cloud measures along its longest axis, or more than coordinates can tell if that is
+    /// nothing.
     TooWide { spacing: f64, extent: f64 },
     /// The spacing is less than two steps of the quantization.
     TooFine { spacing: f64, scale: f64 },
@@ -112,11 +113,15 @@ pub(crate) fn resolve<C: CountedCloud>(
     match target {
         Target::Spacing(spacing) => {
             let extent = cloud.bounds().extent() as f64 * quantization.scale;
-            // Points that are all equal are one point, at any spacing.
-            if extent > 0.0 && spacing > extent / 2.0 {
+            let scale = quantization.scale;
+            // Points that are all equal are one point, at any spacing that coordinates can tell.
+            let widest = match extent > 0.0 {
+                true => extent / 2.0,
+                false => f64::from(u32::MAX) * scale,
+            };
+            if spacing > widest {
                 return Err(SpacingError::TooWide { spacing, extent });
             }
-            let scale = quantization.scale;
             let finest = settings.at(spacing, 0.0).finest_spacing();
             if finest < 2.0 * scale {
                 return Err(SpacingError::TooFine {

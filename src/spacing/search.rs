@@ -147,7 +147,8 @@ pub(crate) fn spacing_for_count<C: CountedCloud>(
     let scale = quantization.scale;
     let guess = (sites_of_the_plane(cloud, quantization, 1.0) / count as f64)
         .sqrt()
-        .clamp(4.0 * scale, extent);
+        .min(extent)
+        .max(4.0 * scale);
     let sites_per_point = count as f64 / points as f64;
     let options = settings.at(guess, sites_per_point);
     let mut parts = Parts::cut(
@@ -283,7 +284,7 @@ impl<C: CountedCloud> Search<'_, C> {
             }
             spacing = next;
         }
-        self.best_of(&trials, spacing)
+        self.best_of(&trials)
     }
 
     /// The error of the count at `spacing` by the first parts, and that by all of them if `all_parts` or if the
@@ -310,14 +311,12 @@ impl<C: CountedCloud> Search<'_, C> {
         Ok((error(first), Some(error(first.and(elect(&self.others)?)))))
     }
 
-    /// The best of `trials`, none of which met the count.
-    fn best_of(&self, trials: &[Trial], last: f64) -> Result<f64, SpacingError<C::Error>> {
+    /// The best of `trials`, at least one of which was made, and none of which met the count.
+    fn best_of(&self, trials: &[Trial]) -> Result<f64, SpacingError<C::Error>> {
         let best = trials
             .iter()
-            .min_by(|a, b| a.error.abs().total_cmp(&b.error.abs()));
-        let Some(best) = best else {
-            return Ok(last.ln().exp());
-        };
+            .min_by(|a, b| a.error.abs().total_cmp(&b.error.abs()))
+            .expect("a trial");
         let spacing = best.log_spacing.exp();
         let has_enough = trials.iter().any(|trial| trial.error > 0.0);
         if best.error < NOT_CARRIED && !has_enough {

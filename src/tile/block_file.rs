@@ -87,8 +87,8 @@ impl BlockFile {
             end = block.offset + block.length;
             last = Some((key, block, blocks.insert(key, block)));
         }
-        // Every block was on the disk before the next was begun. The last alone may have its
-        // length and not its content.
+        // The block that says that others are there was begun when those were on the disk. It may have its length and not its
+        // content if it is the last.
         if let Some((key, block, before)) = last
             && content(file, block)?.is_none()
         {

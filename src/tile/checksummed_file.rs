@@ -30,13 +30,21 @@ pub(crate) fn write_checksummed(path: &Path, content: &[u8]) -> io::Result<()> {
 ///
 /// The error of the operating system; an earlier file of this name is unchanged then.
 pub(super) fn write_complete(path: &Path, pieces: &[&[u8]]) -> io::Result<()> {
-    let aside = path.with_extension("part");
-    let mut file = File::create(&aside)?;
+    write_aside(&path.with_extension("part"), path, pieces)
+}
+
+/// Writes `pieces`, one after the other, to the file `aside`, which gets the name `path` when it is on the disk.
+///
+/// # Errors
+///
+/// The error of the operating system; an earlier file of the name `path` is unchanged then.
+pub(crate) fn write_aside(aside: &Path, path: &Path, pieces: &[&[u8]]) -> io::Result<()> {
+    let mut file = File::create(aside)?;
     for piece in pieces {
         file.write_all(piece)?;
     }
     file.sync_all()?;
-    fs::rename(&aside, path)
+    fs::rename(aside, path)
 }
 
 /// Reads the content of the file at `path`; `None` if the checksum does not match.

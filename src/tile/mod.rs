@@ -41,7 +41,7 @@ mod voxel_batch;
 
 pub(crate) use block_file::BlockFile;
 pub(crate) use cell_points::Spilled;
-pub(crate) use checksummed_file::{read_checksummed, write_checksummed};
+pub(crate) use checksummed_file::{read_checksummed, write_aside, write_checksummed};
 pub(crate) use error::BEGIN_ANEW;
 pub use error::TileError;
 pub(crate) use kept_blocks::{KeptBlocks, add_piece};

@@ -6,7 +6,7 @@ use serde::{Serialize, de::DeserializeOwned};
 
 use crate::{
     job::error::JobError,
-    tile::{read_checksummed, write_checksummed},
+    tile::{read_checksummed, write_aside, write_checksummed},
 };
 
 /// Reads the JSON file at `path`; `None` if it is missing or damaged.
@@ -50,11 +50,9 @@ pub(crate) fn write_among_others(path: &Path, content: &[u8]) -> Result<(), JobE
 ///
 /// [`JobError::Io`] if the file cannot be written.
 pub(crate) fn write_file(path: &Path, content: &[u8]) -> Result<(), JobError> {
-    let mut part = path.to_owned().into_os_string();
-    part.push(".part");
-    fs::write(&part, content)
-        .and_then(|()| fs::rename(&part, path))
-        .map_err(|e| JobError::io("write", path, e))
+    let mut aside = path.to_owned().into_os_string();
+    aside.push(".part");
+    write_aside(Path::new(&aside), path, &[content]).map_err(|e| JobError::io("write", path, e))
 }
 
 #[cfg(test)]

@@ -62,7 +62,10 @@ impl SolvedTiles {
         let [core, band] = solved.to_bytes();
         let [core_key, band_key, figures_key] = keys(tile);
         let file = self.0.last_mut().ok_or_else(damaged)?;
-        file.append(&[(core_key, &core), (band_key, &band), (figures_key, &text)])?;
+        file.append(&[(core_key, &core), (band_key, &band)])?;
+        // The figures say that the tile is solved: its sites are on the disk before them.
+        file.flush()?;
+        file.append(&[(figures_key, &text)])?;
         Ok(file.flush()?)
     }
 

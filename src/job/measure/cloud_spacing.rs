@@ -41,7 +41,8 @@ pub(super) fn estimated_spacing(
     let step = positions.len().div_ceil(SAMPLE_POINTS).max(1);
     for &position in positions.iter().step_by(step) {
         // Coincident points say nothing of the distance to the next place.
-        let nearest = grid.nearest(position, extent.max(cell), |other| {
+        // No two points of a cube are farther from each other than two edges.
+        let nearest = grid.nearest(position, (2.0 * extent).max(cell), |other| {
             positions[other as usize] == position
         });
         if let Some((_, distance_squared)) = nearest {

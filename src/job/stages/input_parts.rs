@@ -92,12 +92,13 @@ impl InputPart {
     }
 }
 
-/// The error that names each input with a part among `failures` once, with its first reason.
+/// The error that names each input with a part among `failures` once, with the reason of its first part.
 pub(super) fn bad_files(
     survey: &Survey,
     parts: &[InputPart],
-    failures: Vec<(usize, SourceError)>,
+    mut failures: Vec<(usize, SourceError)>,
 ) -> JobError {
+    failures.sort_by_key(|(part, _)| *part);
     let mut bad: Vec<LeftOut> = Vec::new();
     for (part, error) in failures {
         let path = &survey.inputs[parts[part].input].path;

@@ -227,6 +227,8 @@ fn each_tile(
     let (done, wait_for_done) = channel::unbounded();
     let budget = run.budget.holding(solver.spill.resident_bytes());
     thread::scope(|scope| {
+        // However the work ends, the thread that waits for it hears of the end.
+        let done = done;
         // Read the tiles in a thread of its own.
         scope.spawn(move || {
             let mut before: Option<Tile> = None;

@@ -42,6 +42,13 @@ pub(super) fn choose_spacing(cloud: &ScatteredCloud<'_>) -> Result<(f64, u64), J
 fn refusal(error: SpacingError<TileError>) -> JobError {
     JobError::Refused(match error {
         SpacingError::Gather(error) => return error.into(),
+        SpacingError::TooWide {
+            spacing,
+            extent: 0.0,
+        } => format!(
+            "--spacing {} is wider than the coordinates of this scan can tell, whose points are all in one place: give less",
+            short(spacing)
+        ),
         SpacingError::TooWide { spacing, extent } => format!(
             "--spacing {} is too wide for this scan, which is {extent:.3} across (in CRS units): \
              give less than half of that",
@@ -54,8 +61,8 @@ fn refusal(error: SpacingError<TileError>) -> JobError {
             short(2.0 * scale)
         ),
         SpacingError::TooMany { count, points } => format!(
-            "--count {count} is more than the {points} points of the scan can carry: at most \
-             {MAX_SITES_PER_POINT} for each; ask for fewer, or for a --spacing"
+            "{count} points are more than the {points} of the scan can carry: at most {MAX_SITES_PER_POINT} for each; ask \
+             for fewer, or for a --spacing"
         ),
         SpacingError::AllEqual { .. } => {
             "all points of the scan are equal: there is no spacing between them".into()
@@ -65,8 +72,9 @@ fn refusal(error: SpacingError<TileError>) -> JobError {
             spacing,
             reached,
         } => format!(
-            "--count {count} is more than this scan can carry: at a spacing of {spacing:.3e} it \
-             gives about {reached:.0} points; ask for fewer"
+            "{count} points are more than this scan can carry: at a spacing of {} it gives about {reached:.0}; ask for \
+             fewer",
+            short(spacing)
         ),
     })
 }

@@ -4,7 +4,7 @@
 //! estimated from its occupied voxels: one for seven where the scan is dense, one for each where it is
 //! sparse, but no more there than the area has room for.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use rayon::prelude::*;
 
@@ -97,7 +97,7 @@ pub(super) fn costed_squares(
 fn kept_counts(
     cloud: &ScatteredCloud<'_>,
     options: &SolverOptions,
-) -> Result<HashMap<[i64; 2], KeptCounts>, JobError> {
+) -> Result<BTreeMap<[i64; 2], KeptCounts>, JobError> {
     let (spill, quantization) = (cloud.spill, cloud.quantization());
     let (grid, thinning) = (spill.grid(), Thinning::new(quantization, options));
     // Several threads together may have the points in memory that one alone may.
@@ -121,7 +121,8 @@ fn kept_counts(
         }
         Ok(counts)
     };
-    let mut counts = HashMap::new();
+    // In order: costs are sums over them, and plans are the same whenever they are made.
+    let mut counts = BTreeMap::new();
     let rectangles: Vec<Rect> = spill.cells().map(|cell| grid.rect(cell)).collect();
     // Were all rectangles given at once, a thread that waits for a part of one would begin another.
     for few in rectangles.chunks(threads) {
