@@ -111,6 +111,42 @@ def test_other_clouds_become_las(tmp_path: Path) -> None:
     assert (bare.header.scales == 0.01).all() and len(bare.points) == len(EVEN)
 
 
+def test_names_within_those_of_the_axes_are_names() -> None:
+    frame = pandas.DataFrame({"x": SCAN[:, 0], "y": SCAN[:, 1], "z": SCAN[:, 2], "xy": 1, "z_": 2})
+    even = lloydar.resample(frame, spacing=0.1).to_pandas()
+    assert (even["xy"] == 1).all() and (even["z_"] == 2).all()
+
+
+def test_several_values_of_a_point_have_columns_or_one_dimension() -> None:
+    points = np.zeros(len(SCAN), [("x", "f8"), ("y", "f8"), ("z", "f8"), ("shade", "u1", (3,)), ("echo", "f4", (5,))])
+    points["x"], points["y"], points["z"] = SCAN.T
+    points["shade"] = [7, 8, 9]
+    cloud = lloydar.resample(points, spacing=0.1)
+    even = cloud.to_pandas()
+    assert (even[["shade_0", "shade_1", "shade_2"]] == [7, 8, 9]).all(axis=None) and "echo_4" in even
+    with pytest.raises(lloydar.InputError, match="'echo'"):
+        cloud.to_laspy()
+    las = lloydar.resample(points[["x", "y", "z", "shade"]], spacing=0.1).to_laspy()
+    assert (las["shade"] == [7, 8, 9]).all()
+
+
+UNFIT = [("Classification", 300), ("Intensity", 70_000), ("Red", 0.5), ("note", "a")]
+
+
+@pytest.mark.parametrize(("name", "value"), UNFIT)
+def test_what_a_las_record_cannot_have_is_refused_by_name(name: str, value: object) -> None:
+    frame = pandas.DataFrame({"x": SCAN[:, 0], "y": SCAN[:, 1], "z": SCAN[:, 2], name: value})
+    cloud = lloydar.resample(frame, spacing=0.1)
+    with pytest.raises(lloydar.InputError, match=name.lower()):
+        cloud.to_laspy()
+
+
+def test_masked_points_are_refused() -> None:
+    masked = np.ma.array(SCAN, mask=SCAN > SCAN.mean())
+    with pytest.raises(lloydar.InputError, match="masked"):
+        lloydar.resample(masked, spacing=0.1)
+
+
 def test_clouds_of_open3d_are_read_and_written() -> None:
     open3d = pytest.importorskip("open3d")
     legacy = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(SCAN))

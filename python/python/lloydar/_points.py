@@ -51,7 +51,7 @@ def read(points: Any) -> Points:
     Raises
     ------
     InputError
-        If the shape is wrong, or a coordinate is missing.
+        If the shape is wrong, or a coordinate is missing or masked.
     TypeError
         If the values are no real numbers.
     """
@@ -62,6 +62,8 @@ def read(points: Any) -> Points:
         points = _of_open3d(points)
     if package == "pandas":
         points = points.to_records(index=False)
+    if isinstance(points, np.ma.MaskedArray) and np.ma.is_masked(points):
+        raise InputError("points has masked values: give the rows without them, such as numpy.ma.compress_rows(points)")
     array = np.asarray(points)
     if array.dtype.names is not None:
         return _of_structured(array)
@@ -90,7 +92,7 @@ def _of_structured(array: npt.NDArray[Any]) -> Points:
     """Structured arrays, with the coordinates under the names of PDAL or in lower case."""
     flat = np.asarray(array).reshape(-1)
     names = flat.dtype.names or ()
-    axes = next((axes for axes in ("XYZ", "xyz") if set(axes) <= set(names)), None)
+    axes = next((axes for axes in (tuple("XYZ"), tuple("xyz")) if set(axes) <= set(names)), None)
     if axes is None:
         raise InputError(f"points has fields {', '.join(names)}: must have X, Y and Z")
     columns = [np.asarray(flat[axis], dtype=np.float64) for axis in axes]
@@ -129,7 +131,7 @@ def _of_laspy(las: Any) -> Points:
     record = las.points if isinstance(las, laspy.LasData) else las
     if not isinstance(record, laspy.ScaleAwarePointRecord):
         raise TypeError(f"points is a {type(las).__name__}: give laspy.LasData or its points")
-    names = [name for name in record.point_format.dimension_names if name not in "XYZ"]
+    names = [name for name in record.point_format.dimension_names if name not in tuple("XYZ")]
 
     def pick(source: npt.NDArray[np.intp], positions: npt.NDArray[np.float64]) -> laspy.LasData:
         if isinstance(las, laspy.LasData):

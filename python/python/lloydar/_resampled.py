@@ -131,12 +131,16 @@ class Resampled:
         -------
         pandas.DataFrame
             Columns x, y, z, the attributes under their names in the input, normal_x, normal_y, normal_z, area,
-            curvature and source.
+            curvature and source. An attribute of several values has a column for each, with its number behind the
+            name: rgb_0, rgb_1, rgb_2. What was computed replaces attributes of the same name.
         """
         import pandas
 
         columns: dict[str, npt.NDArray[Any]] = dict(zip("xyz", self.points.T, strict=True))
-        columns.update(self._fields_at(self.source))
+        for name, values in self._fields().items():
+            # Rows of values are one column each.
+            several = values.reshape(len(values), -1).T if values.ndim > 1 else ()
+            columns.update({f"{name}_{number}": column for number, column in enumerate(several)} or {name: values})
         columns.update(zip(("normal_x", "normal_y", "normal_z"), self.normals.T, strict=True))
         columns.update(area=self.area, curvature=self.curvature, source=self.source)
         return pandas.DataFrame(columns)
@@ -175,6 +179,11 @@ class Resampled:
         laspy.LasData
             For records of laspy the same format, scale, offset and CRS. Otherwise of point format 7, with
             attributes under the names of PDAL or laspy in their fields, and others as extra dimensions.
+
+        Raises
+        ------
+        InputError
+            If an attribute is no number, or has a value that its field of a LAS record cannot have.
         """
         import laspy
 
@@ -188,7 +197,7 @@ class Resampled:
         standard = set(header.point_format.dimension_names)
         for name, values in fields.items():
             if name not in standard and name != "scan_angle_rank":
-                header.add_extra_dim(laspy.ExtraBytesParams(name=name, type=values.dtype))
+                header.add_extra_dim(laspy.ExtraBytesParams(name=name, type=_extra_type(name, values)))
         las = laspy.LasData(header)
         las.x, las.y, las.z = self.points.T
         for name, values in fields.items():
@@ -196,12 +205,32 @@ class Resampled:
                 # From format 6 on angles are in steps of 0.006 degrees.
                 las.scan_angle = np.rint(values / 0.006).astype(np.int16)
             else:
-                las[name] = values
+                _set_exactly(las, name, values)
         las.return_number[:] = las.number_of_returns[:] = 1
         return las
 
     def _fields(self) -> dict[str, npt.NDArray[Any]]:
         return self._fields_at(self.source)
+
+
+def _extra_type(name: str, values: npt.NDArray[Any]) -> str:
+    """The type of an extra dimension with these values, one or up to three in each row."""
+    kind, count = values.dtype, math.prod(values.shape[1:])
+    if kind.kind not in "iuf" or kind.itemsize == 2 and kind.kind == "f" or kind.itemsize > 8 or not 1 <= count <= 3:
+        raise InputError(f"attribute {name!r} ({kind}, shape {values.shape}) is no extra dimension of a LAS file")
+    return f"{count}{kind.kind}{kind.itemsize}" if values.ndim > 1 else f"{kind.kind}{kind.itemsize}"
+
+
+def _set_exactly(las: _laspy.LasData, name: str, values: npt.NDArray[Any]) -> None:
+    """Sets a dimension to values, all of which it must be able to have."""
+    try:
+        las[name] = values
+        fits = np.array_equal(np.asarray(las[name]), values, equal_nan=values.dtype.kind == "f")
+    except (OverflowError, ValueError):
+        fits = False
+    if not fits:
+        span = f"from {values.min()} to {values.max()}"
+        raise InputError(f"attribute {name!r} has values {span}, which its field of a LAS record cannot have")
 
 
 def _name_in_las(name: str) -> str:
