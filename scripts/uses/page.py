@@ -50,6 +50,8 @@ COLUMNS = {
         ("error within the level, %", "within", 95),
         ("raised found, %", "detected", MORE),
         ("unchanged called changed, %", "false", LESS),
+        ("raised found with 1 mm, %", "detected, registered", MORE),
+        ("unchanged called changed with 1 mm, %", "false, registered", LESS),
         ("without a distance, %", "without", LESS),
     ],
     "terrain": [

@@ -39,9 +39,9 @@ const CANDIDATES: usize = 24;
 /// for a plane.
 const CANDIDATES_WITHIN_FIT_RADII: f64 = 1.5;
 /// Number of times that a facet is fitted to the samples on it.
-const ROUNDS: usize = 2;
+const PASSES: usize = 2;
 /// Number of times that all facets are fitted to the samples on one of them alone.
-const JOINT_ROUNDS: usize = 2;
+const JOINT_PASSES: usize = 2;
 /// A first facet that explains a smaller share of the samples is none.
 const LEAST_SHARE: f64 = 0.2;
 /// A further facet that explains a smaller share of the samples is none.
@@ -168,7 +168,7 @@ impl Search<'_> {
             return None;
         }
         let mut facet = candidates[index];
-        for _ in 0..ROUNDS {
+        for _ in 0..PASSES {
             let on_it = left.iter().map(|sample| {
                 let closeness = self.closeness(&facet, sample.way);
                 (sample.way, sample.weight * closeness * closeness)
@@ -287,7 +287,7 @@ impl Facets {
             .iter()
             .filter(|one| one.deviation <= tolerance.distance);
         let mut facets = search.facets(flat.map(|one| one.facet).collect());
-        for _ in 0..JOINT_ROUNDS {
+        for _ in 0..JOINT_PASSES {
             search.fit_together(&mut facets);
         }
         if !search.are_better(&facets, near, fit_radius, residual) {

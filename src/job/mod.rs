@@ -2,8 +2,8 @@
 //!
 //! ```text
 //!   survey ─► scatter ─► spacing ─► plan ─► solve ─► stitch ─► write ─► report
-//!             spill      spacing    plan    tiles    tiles     octree
-//!             .bin       .json      .json   .solved  .settled  .bin
+//!             spill      spacing    plan    tiles    settled   sorted
+//!             .bin       .json      .json   .solved  .pieces   .bin
 //! ```
 //!
 //! Each stage leaves files in the job directory, named in the lower line, that the next stage reads.

@@ -91,9 +91,9 @@ pub(super) type SiteWithCorner = (Site, Option<Local>);
 struct Candidate {
     /// Whether it comes after all that do not wait, whatever its rank.
     waits: bool,
-    /// For a site that leaves [`rank_of_leaving`]; for a place less its distance to the nearest site (CRS units), or the inverse of the
-    /// distance if the place is not a corner of a cell. Where the spacing varies, areas and distances are those of cells that are
-    /// scaled to the coarsest spacing.
+    /// For a site that leaves [`rank_of_leaving`]; for a place the negative of its distance to the nearest site (CRS units), or the
+    /// inverse of the distance if the place is not a corner of a cell. Where the spacing varies, areas and distances are those of
+    /// cells that are scaled to the coarsest spacing.
     rank: f64,
     /// Decides between equal ranks.
     priority: u64,

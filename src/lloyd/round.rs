@@ -1,8 +1,8 @@
 //! Rounds: iterations that all tiles do before any tile does the next.
 //!
 //! A tile sees as far around its core as influence travels until it is done. Twenty iterations
-//! after an election are 42 spacings; where a tile has room for little more, nearly all its work
-//! is that of its neighbours. In two rounds it is 24: first the election and a few iterations,
+//! after an election are 43 spacings; where a tile has room for little more, nearly all its work
+//! is that of its neighbours. In two rounds it is 25: first the election and a few iterations,
 //! then, with the sites as the neighbours have left them, the rest.
 //!
 //! ```text

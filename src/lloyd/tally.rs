@@ -27,9 +27,9 @@ pub fn uniformity<'a>(sites: impl IntoIterator<Item = &'a Site>, spacing: f64) -
         } else {
             tally.push_alone();
         }
-        if site.is_closed && !site.is_fixed {
+        if let Some(area) = site.bounded_area() {
             tally.push_cell(CellFigures {
-                area: scale.powi(2) * site.area,
+                area: scale.powi(2) * area,
                 energy: scale.powi(4) * site.energy,
                 neighbors: site.neighbors,
             });

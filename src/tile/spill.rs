@@ -30,7 +30,7 @@ pub struct Spill {
     /// The joined index of all files.
     pub(super) index: SpillIndex,
     points: u64,
-    /// The rules for the spacing at its points; `None` if it is the same everywhere.
+    /// The rules for the spacing at the points of the spill; `None` if it is the same everywhere.
     rules: Option<Arc<dyn SpacingRules>>,
     /// The thinning that leaves the points of each cell as they are, because it has thinned them; `None` if none is known.
     thinned_by: Option<Thinning>,
@@ -116,12 +116,12 @@ impl Spill {
         }
     }
 
-    /// Makes `rules` those for the spacing at its points.
+    /// Makes `rules` those for the spacing at the points of the spill.
     pub(crate) fn set_rules(&mut self, rules: Option<Arc<dyn SpacingRules>>) {
         self.rules = rules;
     }
 
-    /// The rules for the spacing at its points; `None` if it is the same everywhere.
+    /// The rules for the spacing at the points of the spill; `None` if it is the same everywhere.
     pub(super) fn rules(&self) -> Option<&dyn SpacingRules> {
         self.rules.as_deref()
     }

@@ -20,7 +20,7 @@ use std::{
 
 use super::{
     claims::{Claim, WorkKind},
-    group_files::{TILES, block_files},
+    group_files::{TILES, block_files, block_files_of},
     handover::Handover,
     worker::Worker,
 };
@@ -228,10 +228,7 @@ impl<'a> SharedStitch<'a> {
 
     fn pieces(&self, kind: &WorkKind, groups: Groups) -> Result<KeptBlocks, JobError> {
         let claims = self.complete_claims(kind, groups)?;
-        let files = claims
-            .iter()
-            .map(|claim| BlockFile::open_for_reading(&claim.path()));
-        let files = files.collect::<Result<_, TileError>>()?;
+        let files = block_files_of(&claims)?;
         Ok(KeptBlocks::of_many_processes(files, groups.per_group))
     }
 }

@@ -136,7 +136,7 @@ impl JobStatus {
         };
         let workers = claimed.iter().filter(is_alive).count();
         let cost: u64 = plan.tiles.iter().map(|tile| tile.cost).sum();
-        // Without a solved tile or a worker this is a division by zero, and infinite.
+        // Without a solved tile or a worker this is a division by zero, and not finite.
         let remaining = seconds / cost_done as f64 * (cost - cost_done) as f64 / workers as f64;
         Ok(Self {
             scattered: None,

@@ -10,7 +10,7 @@ use super::{
     survey::Survey,
 };
 use crate::{
-    geometry::{Local, Stored},
+    geometry::Stored,
     job::{
         context::RunContext,
         error::JobError,
@@ -43,17 +43,17 @@ impl<'a> AllPoints<'a> {
     }
 
     /// Decodes all inputs as the `stage` of this name. Each thread has a state of its own, and hands it to `take` with batch
-    /// after batch of points (local coordinates and GPS times), until that returns `false` in any thread; at the end each
+    /// after batch of points with their GPS times, until that returns `false` in any thread; at the end each
     /// hands its state to `finish`.
     ///
     /// # Errors
     ///
-    /// [`JobError::BadFiles`] if inputs cannot be read to their end.
+    /// [`JobError::BadFiles`] if inputs cannot be read to their end; all the others have been read then, if bad files are left out.
     pub(super) fn visit<State>(
         &self,
         stage: &str,
         begin: impl Fn() -> State + Sync,
-        take: impl Fn(&mut State, &mut dyn Iterator<Item = (Local, f64)>) -> bool + Sync,
+        take: impl Fn(&mut State, &mut dyn Iterator<Item = (Stored, f64)>) -> bool + Sync,
         finish: impl Fn(State) + Sync,
     ) -> Result<(), JobError> {
         let Self { run, survey, .. } = *self;
@@ -101,7 +101,7 @@ impl<'a> AllPoints<'a> {
         &self,
         part: &InputPart,
         is_over: &AtomicBool,
-        mut take: impl FnMut(&mut dyn Iterator<Item = (Local, f64)>) -> bool,
+        mut take: impl FnMut(&mut dyn Iterator<Item = (Stored, f64)>) -> bool,
     ) -> Result<(), SourceError> {
         let Self { run, survey, .. } = *self;
         let is_stopped = || is_over.load(Ordering::Relaxed) || run.cancel.load(Ordering::Relaxed);
@@ -116,10 +116,13 @@ impl<'a> AllPoints<'a> {
             if counts.read == 0 || is_stopped() {
                 return Ok(());
             }
-            let mut points = records.chunks_exact(length).map(|record| {
-                let place = survey.quantization.local(Stored::of_record(record));
-                (place, RecordView::new(record).gps_time())
-            });
+            let point = |record| {
+                (
+                    Stored::of_record(record),
+                    RecordView::new(record).gps_time(),
+                )
+            };
+            let mut points = records.chunks_exact(length).map(point);
             if !take(&mut points) {
                 is_over.store(true, Ordering::Relaxed);
             }

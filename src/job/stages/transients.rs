@@ -12,7 +12,7 @@ use std::{
 use super::{all_points::AllPoints, scanner_way::scanner_way, survey::Survey};
 use crate::{
     config::TransientSettings,
-    geometry::{Local, Quantization, ScannerWay, Stored},
+    geometry::{Quantization, ScannerWay, Stored},
     job::{
         cluster::{Claim, WorkKind, Worker},
         context::RunContext,
@@ -114,6 +114,7 @@ pub(super) fn find_transients(
 struct Search<'a> {
     run: &'a RunContext<'a>,
     points: AllPoints<'a>,
+    quantization: Quantization,
     way: ScannerWay,
     /// The first and the last time of the way (s).
     times: [f64; 2],
@@ -164,6 +165,7 @@ impl<'a> Search<'a> {
         Ok(Self {
             run,
             points: AllPoints::new(run, survey),
+            quantization: survey.quantization,
             times: way.times().unwrap_or_default(),
             way,
             grid: VoxelGrid {
@@ -201,8 +203,9 @@ impl<'a> Search<'a> {
         };
         let range = SightLine::largest_range(self.grid);
         let begin = || Sightings::new(self.grid);
-        let take = |own: &mut Sightings, points: &mut dyn Iterator<Item = (Local, f64)>| {
-            for (place, time) in points {
+        let take = |own: &mut Sightings, points: &mut dyn Iterator<Item = (Stored, f64)>| {
+            for (point, time) in points {
+                let place = self.quantization.local(point);
                 own.points += 1;
                 if let Some(scanner) = self.way.at(time) {
                     own.on_way += 1;
@@ -272,8 +275,9 @@ impl<'a> Search<'a> {
 
     /// Counts the sight lines that passed by doubtful points.
     fn look(&self, doubtful: &DoubtfulVoxels) -> Result<(), JobError> {
-        let take = |(): &mut (), points: &mut dyn Iterator<Item = (Local, f64)>| {
-            for (place, time) in points {
+        let take = |(): &mut (), points: &mut dyn Iterator<Item = (Stored, f64)>| {
+            for (point, time) in points {
+                let place = self.quantization.local(point);
                 let scanner = self.way.at(time);
                 if let Some(line) = scanner.and_then(|from| SightLine::new(from, place, self.grid))
                 {

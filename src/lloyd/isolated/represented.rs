@@ -17,8 +17,9 @@ const SURROUNDINGS_IN_SPACINGS: f64 = 8.0;
 /// The numbers of points of the scan that one seed stands for.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Represented {
+    /// Those nearer to it than a spacing.
     pub(super) own: f64,
-    /// Those that are nearer to it than to any other seed.
+    /// Those nearer to it than half a spacing.
     pub(super) near: f64,
 }
 

@@ -25,7 +25,7 @@ impl Scan {
         // The voxel of the position itself suffices nearly always.
         let own = self.voxels.range(cell_of(position, self.voxel));
         find(&self.points[own]).or_else(|| {
-            self.layers().into_iter().find_map(|(voxels, points)| {
+            self.parts().into_iter().find_map(|(voxels, points)| {
                 let search = self.voxels_around(voxels, position, radius, |range| {
                     match find(&points[range]) {
                         Some(point) => ControlFlow::Break(point),
@@ -41,7 +41,7 @@ impl Scan {
     /// `position`, if there are any.
     pub(crate) fn mean_within(&self, position: Local, radius: f64) -> Option<Local> {
         let mut sum = PointSum::default();
-        for (voxels, points) in self.layers() {
+        for (voxels, points) in self.parts() {
             let _ = self.voxels_around(voxels, position, radius, |range| {
                 let near = points[range].iter().filter(|&&point| {
                     let way = self.quantization.local(point) - position;
@@ -61,7 +61,7 @@ impl Scan {
     }
 
     /// The points of the scan and those of its filling, with the voxels that they lie in.
-    fn layers(&self) -> [(&OccupiedCells, &[Stored]); 2] {
+    fn parts(&self) -> [(&OccupiedCells, &[Stored]); 2] {
         [(&self.voxels, &self.points), (&self.filled, &self.filling)]
     }
 

@@ -19,7 +19,7 @@ use crate::geometry::{ITEMS_PER_TASK, Local, NeighborGrid, Stored, sort_words};
 
 /// Number of times that all seeds move. On a forest (0.8 M points to 8 K) one seed in eight still moves the second
 /// time, one in fifty the fifth time.
-const ROUNDS: usize = 3;
+const PASSES: usize = 3;
 
 /// No move brings two seeds nearer to each other than this, or nearer than they are. The less it is, the better the
 /// points are covered, and the less even are the distances between seeds.
@@ -37,7 +37,7 @@ impl Election<'_> {
     pub(super) fn center(&mut self, first: usize, bricks: &Bricks<'_>) -> Vec<Option<u32>> {
         let mut seeds = self.grid();
         let mut nearest = self.nearest_seeds(bricks, &seeds);
-        for _ in 0..ROUNDS {
+        for _ in 0..PASSES {
             let moves = self.moves(&owned(&nearest, first), bricks.points, &seeds);
             let moved: Vec<usize> = moves.iter().map(|&(number, _)| number).collect();
             for (number, to) in moves {

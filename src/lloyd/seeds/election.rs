@@ -86,8 +86,8 @@ impl<'a> Election<'a> {
         self.surface.field().grid(&positions, 1.0)
     }
 
-    /// The `candidates` that no seed is within `radius` (spacings) of, by the mean of the whole of it and the share that `share_at` gives for
-    /// their positions and spacings (CRS units).
+    /// The `candidates` without a seed within the mean of `radius` (spacings) and the share of it that `share_at` gives for their
+    /// positions and spacings (CRS units).
     pub(super) fn clear_of_seeds(
         &self,
         candidates: Vec<(u32, Stored)>,

@@ -255,18 +255,12 @@ impl Candidate<'_> {
         let is_in_gap = |samples: &mut _| {
             is_trusted
                 && surface.options.restriction == Restriction::Local
-                && self.is_near_scan(position, surface)
+                && (surface.scan).has_point_within(position, NEAR_POINT_IN_SPACINGS * self.spacing)
                 && is_surrounded(above, surface, samples)
         };
         // A node beyond a border is a seed that the iterations lead back. Without such nodes there were vacancies at borders: in a
         // scan of trees with noise δ was 0.131 instead of 0.123.
         goes_on && (fit.is_within_threshold(position, surface) || is_in_gap(samples))
-    }
-
-    /// Whether a point of the scan is near the node at `position`.
-    fn is_near_scan(&self, position: Local, surface: Surface<'_>) -> bool {
-        let reach = NEAR_POINT_IN_SPACINGS * self.spacing;
-        surface.scan.some_point_within(position, reach).is_some()
     }
 
     /// The rank of the node in its election.
