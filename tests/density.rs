@@ -40,6 +40,51 @@ fn tiles_of_any_size_and_tiles_in_two_rounds_agree() {
     assert!((finest - 0.1).abs() < 1e-6, "{finest}");
 }
 
+/// A PLY file of `n` points at random in a cube of this `edge`, as those of leaves are.
+fn leaves(path: &Path, n: u64, edge: f64) {
+    let mut state = 7_u64;
+    let mut unit = || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let axes = "property double x\nproperty double y\nproperty double z";
+    let mut text = format!("ply\nformat ascii 1.0\nelement vertex {n}\n{axes}\nend_header\n");
+    for _ in 0..n {
+        let [x, y, z] = [0; 3].map(|_| edge * unit());
+        text += &format!("{x:.3} {y:.3} {z:.3}\n");
+    }
+    fs::write(path, text).unwrap();
+}
+
+#[test]
+fn leaves_are_hardly_denser_by_a_rule_than_with_one_spacing_and_an_octree_has_levels_of_the_finest()
+{
+    let dir = tempfile::tempdir().unwrap();
+    let scan = dir.path().join("leaves.ply");
+    leaves(&scan, 16_000, 20.0);
+    let count = |name: &str, options: &[&str]| {
+        let output = dir.path().join(name);
+        succeed(&scan, &output, options);
+        report(&output)["points"].as_u64().unwrap()
+    };
+    let one = count("one.laz", &["--spacing", "1"]);
+    // The rule holds for all points: the coarser spacing is nowhere.
+    let ruled = count(
+        "ruled.laz",
+        &["--spacing", "1.02", "--spacing-of", "class=0:1"],
+    );
+    assert!((one..one * 125 / 100).contains(&ruled), "{one}, {ruled}");
+
+    // By the coarsest spacing the root would have all points.
+    let wide = ["--spacing", "4", "--spacing-of", "class=0:0.1"];
+    let all = count("ruled.copc.laz", &wide);
+    let levels = report(&dir.path().join("ruled.copc.laz"))["levels"].clone();
+    let root = levels["figures"][0]["points"].as_u64();
+    assert!(root.is_some_and(|root| root < all), "{levels}");
+}
+
 /// The mean distance from `street`, and the number, of the points of a file that have one of `classes`.
 fn off_the_truth(path: &Path, street: &Street, classes: &[u8]) -> (f64, usize) {
     let all = Reader::from_path(path).unwrap().read_all().unwrap();

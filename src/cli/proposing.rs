@@ -127,7 +127,7 @@ fn reason(spacings: &RoundSpacings, proposed: RoundSpacing, unit: &str) -> Strin
 }
 
 impl ChosenJob {
-    /// Plans the job, and lists round spacings beside its own; `None` if the output is complete already.
+    /// Plans the job, and lists round spacings beside its own if it is one everywhere; `None` if the output is complete already.
     ///
     /// # Errors
     ///
@@ -141,12 +141,14 @@ impl ChosenJob {
             return Ok(None);
         };
         let spacings = match self.spacings {
-            Some(spacings) => spacings,
-            None => self.job.round_spacings(progress, cancel)?,
+            // What other spacings would give with the rules is not known.
+            _ if self.job.settings.density.is_some() => Vec::new(),
+            Some(spacings) => spacings.beside(plan.spacing),
+            None => self
+                .job
+                .round_spacings(progress, cancel)?
+                .beside(plan.spacing),
         };
-        Ok(Some(PlannedSpacings {
-            spacings: spacings.beside(plan.spacing),
-            plan,
-        }))
+        Ok(Some(PlannedSpacings { plan, spacings }))
     }
 }

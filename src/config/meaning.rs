@@ -165,7 +165,8 @@ impl Choices {
     fn levels(&self) -> Result<OctreeLevels, ConfigError> {
         match (self.levels.unwrap_or_default(), self.spacing) {
             (OctreeLevels::Auto, None) => Err(ConfigError::Words(
-                "--levels auto goes by the spacing; give --spacing, or leave --levels auto out".into(),
+                "--levels auto goes by the spacing; give --spacing, or leave --levels auto out"
+                    .into(),
             )),
             (levels, _) => Ok(levels),
         }

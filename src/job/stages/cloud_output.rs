@@ -26,6 +26,7 @@ pub(super) struct CloudOutput<'a> {
     run: &'a RunContext<'a>,
     format: Format,
     header: CloudHeader,
+    /// The finest spacing (CRS units).
     spacing: f64,
     sorting: Sorting,
     /// The memory that the plan was made for: processes that share a job divide its work alike.
@@ -55,7 +56,7 @@ impl<'a> CloudOutput<'a> {
             run,
             format,
             header: cloud_header(planned, &run.job.settings),
-            spacing: solver.options.spacing,
+            spacing: solver.options.finest_spacing(),
             sorting: sorting(run, solver),
             planned_memory: solver.plan.budget,
             alone,
@@ -164,7 +165,7 @@ pub(super) fn sorting(run: &RunContext<'_>, solver: &TileSolver) -> Sorting {
     Sorting::new(spacing, quantization, length, run.budget.buffers())
 }
 
-/// What a cloud with this `spacing` (CRS units) is written with, in a job that was planned for so many bytes of memory.
+/// What a cloud of this finest `spacing` (CRS units) is written with, in a job that was planned for so many bytes of memory.
 pub(super) fn workspace<'a>(
     run: &RunContext<'_>,
     spacing: f64,

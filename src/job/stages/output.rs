@@ -214,7 +214,7 @@ pub(crate) fn help_with_output(
     let sorted = sort(run, solver, &settled, stitchers)?;
     run.progress.begin("sort", sorted.points(), 0, Unit::Points);
     let (memory, workforce) = (solver.plan.budget, stitchers.workforce());
-    let spacing = solver.options.spacing;
+    let spacing = solver.options.finest_spacing();
     let workspace = workspace(run, spacing, memory, stitchers, workforce);
     let helped = help_write_sorted(format, header, &workspace, &*sorted);
     run.check_cancelled()?;

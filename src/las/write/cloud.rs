@@ -32,7 +32,7 @@ pub(crate) struct CloudHeader {
 /// What is needed to write a cloud whose points are sorted.
 #[derive(Clone)]
 pub(crate) struct Workspace<'a> {
-    /// The approximate distance of neighbouring points (CRS units).
+    /// The approximate distance of neighbouring points (CRS units), where they are nearest to each other.
     pub(crate) spacing: f64,
     /// The edge of the tiles (CRS units), if tiles are written.
     pub(crate) tile_edge: f64,

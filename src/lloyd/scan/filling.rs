@@ -222,7 +222,10 @@ fn filled_around(
 ) -> Vec<Stored> {
     let (options, spacing) = (surface.options, surface.spacing());
     let pitch = PITCH_IN_SPACINGS * spacing;
-    let farthest = 0.5 * options.fill + pitch;
+    // What landmarks surround is no farther than the farthest of them, however wide the holes are that are closed.
+    let reach = near.iter().map(|other| (other - landmark).norm_squared());
+    let reach = reach.fold(0.0, f64::max).sqrt();
+    let farthest = (0.5 * options.fill).min(reach) + pitch;
     let steps = (farthest / pitch) as i32;
     let mut positions = Vec::new();
     for i in -steps..=steps {

@@ -46,6 +46,12 @@ pub(super) fn radius_share(count: f64) -> f64 {
     (1.043 * (1.0 - 0.48 * count.powf(-0.55))).min(1.0)
 }
 
+/// No share of a radius is less where points are few: leaves, too, have few points to the area of a seed, and seeds there would stand
+/// much nearer to each other than with one spacing. On an airborne scan with 4 points to a seed, of which a rule wants 0.5 m everywhere,
+/// points are at least 0.34 m apart and 7 % more than with that spacing; without a bound 6.9 % of them were nearer than 0.35 m, down to 0.14 m,
+/// and there were 21 % more.
+const LEAST_SHARE: f64 = 0.9;
+
 /// Radius of the disc in which candidates are counted (spacings): it has the area of 3.6 seeds.
 const COUNTED_IN_SPACINGS: f64 = 1.0;
 
@@ -139,7 +145,7 @@ impl<'a> Election<'a> {
         });
         move |position, spacing| match &grid {
             None => 1.0,
-            Some(grid) => radius_share(points_to_a_seed(grid, position, spacing)),
+            Some(grid) => radius_share(points_to_a_seed(grid, position, spacing)).max(LEAST_SHARE),
         }
     }
 
