@@ -71,11 +71,9 @@ impl Convergence {
 
 /// The row of the sites with `sums` after the last iteration, of `all` sites.
 fn row(name: &str, delta: &[f64], sums: DistanceSums, all: u64) -> Vec<String> {
-    let by_size = delta
-        .iter()
-        .enumerate()
-        .filter(|(_, delta)| delta.is_finite());
-    let (iterations, &least) = by_size
+    let known = delta.iter().enumerate();
+    let known = known.filter(|(_, delta)| delta.is_finite());
+    let (iterations, &least) = known
         .min_by(|(_, a), (_, b)| a.total_cmp(b))
         .unwrap_or((0, &f64::NAN));
     let (first, last) = (delta.first(), delta.last());
