@@ -134,6 +134,21 @@ impl Budget {
         BASE_BYTES + self.held + with_margin(bytes)
     }
 
+    /// The smallest budget, in bytes, with which a tile that costs `bytes` fits, if scattered points of `scattered` bytes stay in memory
+    /// wherever they may.
+    pub(crate) fn needed_beside(&self, bytes: f64, scattered: u64) -> u64 {
+        let without = self.holding(0).needed(bytes);
+        let with_points = self.holding(scattered).needed(bytes);
+        let stay = self.held > 0
+            || scattered
+                <= Self {
+                    total: without,
+                    ..*self
+                }
+                .spill();
+        if stay { with_points } else { without }
+    }
+
     /// What a process holds at the most that has `resident` bytes when its tiles are planned, of which those that are in memory together cost
     /// `bytes`: the allocator may keep what was freed by then. It is no more than the budget.
     pub(crate) fn held_with(&self, resident: u64, bytes: f64) -> u64 {
@@ -193,6 +208,17 @@ mod tests {
             assert!(budget.needed(bytes) <= total);
             assert!(budget.needed(1.01 * bytes) > total);
         }
+    }
+
+    #[test]
+    fn points_that_would_stay_in_memory_are_counted_when_more_of_it_is_asked_for() {
+        let tight = Budget::new(Some(100 << 20), 2);
+        let (tile, points) = (100e6, 12 << 20);
+        assert!(points <= Budget::new(Some(tight.needed(tile)), 2).spill());
+        let needed = tight.needed_beside(tile, points);
+        assert!(Budget::new(Some(needed), 2).holding(points).tile() as f64 >= tile);
+        // So many stay on the disk.
+        assert_eq!(tight.needed_beside(tile, 1 << 30), tight.needed(tile));
     }
 
     #[test]

@@ -142,7 +142,11 @@ fn cut(
 /// The error of a job whose memory is too little for `tile`.
 fn too_little_memory(cloud: &ScatteredCloud<'_>, tile: &Tile) -> JobError {
     let budget = cloud.budget();
-    let (total, needed) = (budget.total, budget.needed(tile.cost as f64));
+    let scattered = cloud.spill.bytes() + cloud.spill.resident_bytes();
+    let (total, needed) = (
+        budget.total,
+        budget.needed_beside(tile.cost as f64, scattered),
+    );
     let points = tile.points_seen;
     JobError::Resources(match cloud.run.job.settings.tiling.tile_size {
         Some(_) => format!(
