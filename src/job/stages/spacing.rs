@@ -61,7 +61,7 @@ fn refusal(error: SpacingError<TileError>) -> JobError {
             short(2.0 * scale)
         ),
         SpacingError::TooMany { count, points } => format!(
-            "{count} points are more than the {points} of the scan can carry: at most {MAX_SITES_PER_POINT} for each; ask \
+            "{count} points are more than the {points} points of the scan can carry: at most {MAX_SITES_PER_POINT} for each; ask \
              for fewer, or for a --spacing"
         ),
         SpacingError::AllEqual { .. } => {
