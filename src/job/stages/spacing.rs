@@ -61,8 +61,8 @@ fn refusal(error: SpacingError<TileError>) -> JobError {
             short(2.0 * scale)
         ),
         SpacingError::TooMany { count, points } => format!(
-            "{count} points are more than the {points} points of the scan can carry: at most {MAX_SITES_PER_POINT} for each; ask \
-             for fewer, or for a --spacing"
+            "--count {count} (or a --ratio that gives it) is more than the {points} points of the scan can carry: at most \
+             {MAX_SITES_PER_POINT} for each; ask for fewer, or for a --spacing"
         ),
         SpacingError::AllEqual { .. } => {
             "all points of the scan are equal: there is no spacing between them".into()
@@ -72,8 +72,8 @@ fn refusal(error: SpacingError<TileError>) -> JobError {
             spacing,
             reached,
         } => format!(
-            "{count} points are more than this scan can carry: at a spacing of {} it gives about {reached:.0}; ask for \
-             fewer",
+            "--count {count} (or a --ratio that gives it) is more than this scan can carry: at a spacing of {} it gives about \
+             {reached:.0} points; ask for fewer",
             short(spacing)
         ),
     })
