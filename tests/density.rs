@@ -5,7 +5,10 @@ use std::{fs, path::Path};
 use las::Reader;
 use lloydar::internals::{Street, StreetOptions};
 
-use crate::running::{points, report, run, simulated, succeed};
+use crate::{
+    running::{points, report, run, simulated, succeed},
+    solver::Dice,
+};
 
 /// Facades are twice, trees and poles three times as dense as the ground.
 const RULES: &str = "class=6:0.15,14,15:0.1";
@@ -42,17 +45,11 @@ fn tiles_of_any_size_and_tiles_in_two_rounds_agree() {
 
 /// A PLY file of `n` points at random in a cube of this `edge`, as those of leaves are.
 fn leaves(path: &Path, n: u64, edge: f64) {
-    let mut state = 7_u64;
-    let mut unit = || {
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1);
-        (state >> 11) as f64 / (1_u64 << 53) as f64
-    };
+    let mut dice = Dice(7);
     let axes = "property double x\nproperty double y\nproperty double z";
     let mut text = format!("ply\nformat ascii 1.0\nelement vertex {n}\n{axes}\nend_header\n");
     for _ in 0..n {
-        let [x, y, z] = [0; 3].map(|_| edge * unit());
+        let [x, y, z] = [0; 3].map(|_| edge * dice.roll());
         text += &format!("{x:.3} {y:.3} {z:.3}\n");
     }
     fs::write(path, text).unwrap();

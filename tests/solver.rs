@@ -10,10 +10,11 @@ const QUANTIZATION: Quantization = Quantization {
     offset: [0.0; 3],
 };
 
-struct Dice(u64);
+/// Numbers that look like chance, the same every time.
+pub(crate) struct Dice(pub(crate) u64);
 
 impl Dice {
-    fn roll(&mut self) -> f64 {
+    pub(crate) fn roll(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
