@@ -100,7 +100,7 @@ impl<'a> Course<'a> {
         }
 
         // The first Lloyd step shares its cells with the figures of the seeds.
-        let mut sites = Sites::new(surface, region, &identities, &positions);
+        let mut sites = Sites::new(surface, region, identities, positions);
         sites.mark_exact_seeds(&cone);
         let seeds = sites.first_step(&cone);
         let in_core = |seed: &&Site| region.core.contains(seed.identity);

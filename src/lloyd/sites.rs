@@ -34,10 +34,10 @@ impl<'a> Sites<'a> {
     pub(super) fn new(
         surface: Surface<'a>,
         region: &'a TileRegion,
-        identities: &[Stored],
-        positions: &[Local],
+        identities: Vec<Stored>,
+        positions: Vec<Local>,
     ) -> Self {
-        let (blocks, order) = in_blocks(positions, surface.field());
+        let (blocks, order) = in_blocks(&positions, surface.field());
         let positions: Vec<Local> = order.iter().map(|&i| positions[i as usize]).collect();
         Self {
             surface,
@@ -83,11 +83,13 @@ impl<'a> Sites<'a> {
             steps,
             ..
         } = self;
+        // States are as large as all that is known of who is near whom, and take its place.
+        let (positions, moves) = neighborhoods.into_positions_and_moves();
         let is_wanted = |&site: &usize| region.wants(identities[site]);
         let state = |site: usize, step: Step| SiteState {
             identity: identities[site],
-            position: neighborhoods.positions()[site],
-            last_move: neighborhoods.last_move(site),
+            position: positions[site],
+            last_move: moves[site],
             links: step
                 .links
                 .sites()

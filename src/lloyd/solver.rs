@@ -241,7 +241,7 @@ pub fn describe_positions(
     known.sort_unstable_by_key(|&(identity, _)| identity);
     known.dedup_by_key(|&mut (identity, _)| identity);
     let (identities, positions): (Vec<_>, Vec<_>) = known.into_iter().unzip();
-    Sites::new(Surface::new(scan, options), region, &identities, &positions).describe()
+    Sites::new(Surface::new(scan, options), region, identities, positions).describe()
 }
 
 #[cfg(test)]

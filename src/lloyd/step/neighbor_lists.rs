@@ -20,6 +20,10 @@ pub(crate) const NEAR_IN_SPACINGS: f64 = 1.6;
 /// lists last longer, and take longer to go through.
 pub(super) const SKIN_IN_SPACINGS: f64 = 0.4;
 
+/// Blocks whose lists are made before they are put with the others: all of them at once would be in memory twice. In tests there are
+/// more than so many, too.
+const BLOCKS_TOGETHER: usize = if cfg!(test) { 7 } else { 4096 };
+
 /// Edge of the cells by which sites are looked up.
 pub(super) const SITE_CELL_IN_SPACINGS: f64 = 1.6;
 
@@ -38,12 +42,38 @@ impl Lists {
     /// Lists all others within a near radius and a skin of each of the sites, which lie block
     /// by block.
     pub(super) fn new(
-        positions: Vec<Local>,
+        positions: &[Local],
         blocks: &[Range<usize>],
         spacings: &SiteSpacings,
         field: &SpacingField,
     ) -> Self {
-        let grid = field.grid_by(&positions, spacings.of_sites(), SITE_CELL_IN_SPACINGS);
+        let mut lists = Self {
+            positions: Vec::new(),
+            grid: field.grid(&[], SITE_CELL_IN_SPACINGS),
+            starts: Vec::new(),
+            others: Vec::new(),
+        };
+        lists.renew(positions, blocks, spacings, field);
+        lists
+    }
+
+    /// Makes the lists anew, as [`new`](Self::new) does, in the memory of the present ones.
+    pub(super) fn renew(
+        &mut self,
+        positions: &[Local],
+        blocks: &[Range<usize>],
+        spacings: &SiteSpacings,
+        field: &SpacingField,
+    ) {
+        self.grid = field.grid(&[], SITE_CELL_IN_SPACINGS);
+        self.grid = field.grid_by(positions, spacings.of_sites(), SITE_CELL_IN_SPACINGS);
+        self.positions.clear();
+        self.positions.extend_from_slice(positions);
+        self.starts.clear();
+        self.starts.reserve_exact(positions.len() + 1);
+        self.starts.push(0);
+        self.others.clear();
+        let grid = &self.grid;
         let radius_at = |spacing: f64| (NEAR_IN_SPACINGS + SKIN_IN_SPACINGS) * spacing;
         let of_block = |around: &mut Vec<(u32, Local)>, block: &Range<usize>| {
             let [low, high] = bounding_box(positions[block.clone()].iter().copied());
@@ -72,32 +102,20 @@ impl Lists {
             }
             (counts, others)
         };
-        let by_block: Vec<(Vec<u32>, Vec<u32>)> = blocks
-            .par_iter()
-            .with_max_len(BLOCKS_PER_TASK)
-            .map_init(Vec::new, of_block)
-            .collect();
-        let mut starts = vec![0];
         let mut end = 0;
-        for count in by_block.iter().flat_map(|(counts, _)| counts) {
-            end += count;
-            starts.push(end);
-        }
-        let mut others = vec![0; end as usize];
-        let mut rest = &mut others[..];
-        let mut parts = Vec::with_capacity(by_block.len());
-        for (_, found) in &by_block {
-            let (part, after) = rest.split_at_mut(found.len());
-            parts.push((part, found));
-            rest = after;
-        }
-        let parts = parts.into_par_iter();
-        parts.for_each(|(part, found)| part.copy_from_slice(found));
-        Self {
-            positions,
-            grid,
-            starts,
-            others,
+        for blocks in blocks.chunks(BLOCKS_TOGETHER) {
+            let by_block: Vec<(Vec<u32>, Vec<u32>)> = blocks
+                .par_iter()
+                .with_max_len(BLOCKS_PER_TASK)
+                .map_init(Vec::new, of_block)
+                .collect();
+            for (counts, others) in by_block {
+                self.starts.extend(counts.iter().map(|count| {
+                    end += count;
+                    end
+                }));
+                self.others.extend(others);
+            }
         }
     }
 

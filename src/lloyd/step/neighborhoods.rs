@@ -75,7 +75,7 @@ impl Neighborhoods {
     ) -> Self {
         let spacings = SiteSpacings::new(&positions, field);
         Self {
-            lists: Lists::new(positions.clone(), &blocks, &spacings, field),
+            lists: Lists::new(&positions, &blocks, &spacings, field),
             spacings,
             widening: field.widening(LISTED_IN_SPACINGS),
             version: 1,
@@ -94,6 +94,11 @@ impl Neighborhoods {
         self.lengths = moves.iter().enumerate().map(length).collect();
         self.moves = moves;
         self
+    }
+
+    /// The positions of the sites and their last moves (CRS units), without what is near each.
+    pub(crate) fn into_positions_and_moves(self) -> (Vec<Local>, Vec<Local>) {
+        (self.positions, self.moves)
     }
 
     /// The positions of the sites.
@@ -132,8 +137,8 @@ impl Neighborhoods {
         let sites = 0..self.positions.len() as u32;
         self.strays = sites.into_par_iter().filter(has_strayed).collect();
         if self.strays.len() > self.positions.len() / SITES_PER_STRAY {
-            let positions = self.positions.clone();
-            self.lists = Lists::new(positions, &self.blocks, &self.spacings, field);
+            let (positions, blocks) = (&self.positions, &self.blocks);
+            self.lists.renew(positions, blocks, &self.spacings, field);
             self.version += 1;
             self.strays.clear();
         }
