@@ -24,6 +24,12 @@ const CORRECTABLE_OF_SPARSE: f64 = 0.05;
 const CORRECTABLE_OF_FEW: f64 = 0.02;
 /// With fewer sites than this there are few.
 const FEW_SITES: f64 = 10_000.0;
+/// That error where there are few points, too, so that seeds are elected in no time: a spacing is tried until it is taken as it is. Over
+/// 12 small scans and counts the excess of the energy is 0.94 times (geometric mean) what it is with the error of few sites, and half of
+/// it on a nearly plane scan, where 66 sites of 7 043 would have to leave.
+const CORRECTABLE_OF_FEW_POINTS: f64 = 0.0;
+/// With fewer points than this there are few.
+const FEW_POINTS: u64 = 1_000_000;
 
 /// What the voxels of a scan tell of the number of sites.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,9 +59,10 @@ impl Scaling {
         self.dimension.map(|d| constant + by_dimension * d)
     }
 
-    /// Error of the logarithm of `count` below which the spacing is corrected and not tried again.
-    pub(super) fn correctable(self, count: f64) -> f64 {
+    /// Error of the logarithm of `count` below which the spacing of a scan of so many `points` is corrected and not tried again.
+    pub(super) fn correctable(self, count: f64, points: u64) -> f64 {
         match self.dimension {
+            _ if count < FEW_SITES && points < FEW_POINTS => CORRECTABLE_OF_FEW_POINTS,
             _ if count < FEW_SITES => CORRECTABLE_OF_FEW,
             Some(_) => CORRECTABLE,
             None => CORRECTABLE_OF_SPARSE,
@@ -78,9 +85,11 @@ mod tests {
         let alone = Scaling::of(1000.0, 990.0);
         assert_eq!((alone.dimension, alone.slope()), (None, None));
         // Few sites are tried the longest, whatever is known.
-        assert!(alone.correctable(1e5) < plane.correctable(1e5));
-        assert!(plane.correctable(1e3) < alone.correctable(1e5));
-        assert_eq!(alone.correctable(1e3), plane.correctable(1e3));
+        let many = 10 * FEW_POINTS;
+        assert!(alone.correctable(1e5, many) < plane.correctable(1e5, many));
+        assert!(plane.correctable(1e3, many) < alone.correctable(1e5, many));
+        assert_eq!(alone.correctable(1e3, many), plane.correctable(1e3, many));
+        assert!(plane.correctable(1e3, 50_000) < plane.correctable(1e3, many));
         // A cloud without points.
         assert_eq!(Scaling::of(0.0, 0.0).dimension, None);
     }

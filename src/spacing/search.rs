@@ -185,6 +185,7 @@ pub(crate) fn spacing_for_count<C: CountedCloud>(
         parts,
         settings,
         count: count as f64,
+        points,
         sites_per_point,
         dominant_normals,
         scaling,
@@ -215,6 +216,8 @@ struct Search<'a, C> {
     others: Vec<DrawnPart>,
     settings: &'a SolverSettings,
     count: f64,
+    /// Number of points of the cloud.
+    points: u64,
     sites_per_point: f64,
     dominant_normals: DominantNormals,
     scaling: Scaling,
@@ -274,7 +277,7 @@ impl<C: CountedCloud> Search<'_, C> {
             let slope = slope.unwrap_or(SLOPE_OF_A_PLANE);
             let next = kept_between(&trials, log_spacing - error / slope);
             let next = next.exp().clamp(least, most);
-            if all_parts && error.abs() <= self.scaling.correctable(self.count) {
+            if all_parts && error.abs() <= self.scaling.correctable(self.count, self.points) {
                 let is_tried = has_step_towards(&by_first_parts, next.ln());
                 return Ok(if is_tried { spacing } else { next });
             }
