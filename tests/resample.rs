@@ -276,6 +276,52 @@ fn what_is_wrong_is_named_with_its_numbers() {
 }
 
 #[test]
+fn lengths_are_answered_however_short_they_are() {
+    let points = |edge: f64| -> Vec<[f64; 3]> {
+        let sheet = sheet(60, [0.0; 3]).into_iter();
+        sheet.map(|point| point.map(|c| 0.5 * edge * c)).collect()
+    };
+    for edge in [1e-200, 1e-150, 1e-320, 1e-13] {
+        for options in [Options::with_count(200), Options::with_ratio(0.1)] {
+            for options in [
+                options.clone(),
+                options.scale(0.01 * f64::max(edge, 1e-300)),
+            ] {
+                let refused = resample(points(edge), &options).unwrap_err();
+                assert!(
+                    matches!(refused, ResampleError::TooSmall { .. }),
+                    "{edge:e}: {refused}"
+                );
+            }
+        }
+        let refused = resample(points(1.0), &Options::with_spacing(edge)).unwrap_err();
+        let text = refused.to_string();
+        assert!(
+            text.starts_with(&format!("spacing {edge:e}: must be at least 1e-12")),
+            "{text}"
+        );
+    }
+    for scale in [1e-200, 5e-324, 1e200] {
+        let options = Options::with_spacing(0.1).scale(scale).iterations(2);
+        assert!(resample(points(1.0), &options).unwrap().points.len() > 80);
+    }
+    // What is not refused is as even as anywhere.
+    for edge in [1.0, 1e-9, 2e-12] {
+        let even = resample(points(edge), &Options::with_count(200)).unwrap();
+        assert!(
+            (198..=202).contains(&even.points.len()),
+            "{edge:e}: {}",
+            even.points.len()
+        );
+        assert!(
+            even.uniformity.cell_area_cv < 0.1,
+            "{edge:e}: {:?}",
+            even.uniformity
+        );
+    }
+}
+
+#[test]
 fn few_points_and_equal_points_are_resampled() {
     let one = resample([[1.0, 2.0, 3.0]; 5], &Options::with_spacing(0.5)).unwrap();
     assert_eq!(one.points.len(), 1);

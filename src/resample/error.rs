@@ -2,12 +2,16 @@
 
 use crate::spacing::{MAX_SITES_PER_POINT, SpacingError};
 
+/// The shortest length that can be asked for, and the least extent of points at several places, the inverse of the farthest
+/// coordinate. Powers of lengths that are much shorter are no longer numbers of 64 bits.
+pub(super) const SHORTEST_LENGTH: f64 = 1e-12;
+
 /// Why [`resample`](crate::resample) gave no points. Lengths are in the unit of the points.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ResampleError {
     /// A setting of the options is out of its range.
-    #[error("{option} {value}: {remedy}")]
+    #[error("{option} {}: {remedy}", short(*value))]
     InvalidOption {
         /// The method of [`Options`](crate::Options) that set it.
         option: &'static str,
@@ -34,6 +38,14 @@ pub enum ResampleError {
         index: usize,
         /// The coordinates of that point.
         coordinates: [f64; 3],
+    },
+    /// The input points are so near to each other that powers of their distances are no longer numbers.
+    #[error(
+        "the cloud is {extent:e} across, less than {SHORTEST_LENGTH:e}: give points and lengths in a smaller unit"
+    )]
+    TooSmall {
+        /// The longest side of the bounding box of the input.
+        extent: f64,
     },
     /// All input points are equal, and a count or a ratio was requested.
     #[error(
@@ -88,6 +100,14 @@ pub enum ResampleError {
     /// The progress callback stopped the work.
     #[error("stopped by the caller")]
     Cancelled,
+}
+
+/// `value` without the zeros of a very small number.
+fn short(value: f64) -> String {
+    match value != 0.0 && value.abs() < SHORTEST_LENGTH {
+        true => format!("{value:e}"),
+        false => value.to_string(),
+    }
 }
 
 impl From<SpacingError<Self>> for ResampleError {

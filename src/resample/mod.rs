@@ -17,6 +17,7 @@ use std::{borrow::Borrow, ops::ControlFlow};
 use rayon::prelude::*;
 
 pub use error::ResampleError;
+use error::SHORTEST_LENGTH;
 pub use options::Options;
 pub use resampled::{Resampled, Ring};
 
@@ -208,6 +209,10 @@ impl Cloud {
                 min[axis] = min[axis].min(point[axis]);
                 max[axis] = max[axis].max(point[axis]);
             }
+        }
+        let extent = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
+        if extent > 0.0 && extent < SHORTEST_LENGTH {
+            return Err(ResampleError::TooSmall { extent });
         }
         let quantization = quantization(min, max, points.len(), options);
         let quantise = |(index, &point): (usize, &[f64; 3])| {

@@ -1,6 +1,6 @@
 //! What a caller of [`resample`](crate::resample) may choose.
 
-use super::ResampleError;
+use super::error::{ResampleError, SHORTEST_LENGTH};
 use crate::{
     geometry::PatchKind,
     lloyd::{Acceleration, Restriction, SeedRule, SolverSettings},
@@ -154,13 +154,21 @@ impl Options {
         let given = lengths.into_iter();
         let given = given.filter_map(|(option, value)| Some((option, value?, positive)));
         for (option, value, remedy) in std::iter::once(of_target).chain(given) {
+            let invalid = |remedy| ResampleError::InvalidOption {
+                option,
+                value,
+                remedy,
+            };
             // Written so that NaN fails.
             if !(value > 0.0 && value.is_finite()) {
-                return Err(ResampleError::InvalidOption {
-                    option,
-                    value,
-                    remedy,
-                });
+                return Err(invalid(remedy));
+            }
+            // A scale that is too fine is made coarser; a ratio is no length.
+            let is_length = remedy == positive && option != "scale";
+            if is_length && value < SHORTEST_LENGTH {
+                return Err(invalid(
+                    "must be at least 1e-12: give points and lengths in a smaller unit",
+                ));
             }
         }
         if self.exact && self.target.wanted_count(1, true, &self.solver).is_none() {
