@@ -238,6 +238,44 @@ fn one_point_is_a_point() {
 }
 
 #[test]
+fn a_scan_too_small_for_its_coordinates_is_refused_at_once_and_a_small_one_is_noted() {
+    let dir = tempfile::tempdir().unwrap();
+    let sheet = |name: &str, edge: f64| {
+        let axes = "property double x\nproperty double y\nproperty double z";
+        let mut text = format!("ply\nformat ascii 1.0\nelement vertex 900\n{axes}\nend_header\n");
+        for i in 0..900 {
+            let [x, y] = [i % 30, i / 30].map(|c| edge * f64::from(c) / 29.0);
+            text += &format!("{x:e} {y:e} 0\n");
+        }
+        fs::write(dir.path().join(name), text).unwrap();
+    };
+    for edge in [1e-7, 1e-9, 1e-10, 1e-200] {
+        sheet("tiny.ply", edge);
+        for command in ["run", "plan"] {
+            let refused = in_directory(dir.path(), &[command, "tiny.ply"]);
+            let said = said(&refused);
+            assert!(!refused.status.success(), "{edge:e}: {said}");
+            assert!(
+                said.contains("multiply its coordinates, by 1e"),
+                "{edge:e}: {said}"
+            );
+            assert!(!said.contains("proposed"), "{edge:e}: {said}");
+        }
+    }
+    for (edge, is_rounded) in [(1.1e-6, true), (1e-3, false)] {
+        sheet("small.ply", edge);
+        let done = in_directory(dir.path(), &["run", "small.ply", "--overwrite"]);
+        let said = said(&done);
+        assert!(done.status.success(), "{edge:e}: {said}");
+        assert_eq!(
+            said.contains("coordinates are rounded to 1e-9"),
+            is_rounded,
+            "{said}"
+        );
+    }
+}
+
+#[test]
 fn thousands_of_files_fit_one_pattern() {
     let dir = tempfile::tempdir().unwrap();
     let options = ["--length", "20", "--points", "400", "--passes", "1"];

@@ -38,7 +38,7 @@ pub struct Stored {
 }
 
 /// Least number of steps of the quantization to a spacing.
-const MIN_STEPS_PER_SPACING: f64 = 50.0;
+pub(crate) const MIN_STEPS_PER_SPACING: f64 = 50.0;
 
 /// The run's one scale and offset: world = offset + scale × stored.
 ///

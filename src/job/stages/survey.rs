@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::{compatibility::differences, reprojection::reprojected};
 use crate::{
     config::Settings,
-    geometry::Quantization,
+    geometry::{MIN_STEPS_PER_SPACING, Quantization},
     job::error::{JobError, LeftOut},
     las::{
         Crs, InputFile, OctreeLevels, PointFilter, RecordFormat, ReprojectionTarget, Vlr,
@@ -13,6 +13,9 @@ use crate::{
     },
     spacing::Target,
 };
+
+/// Steps of the coordinates across a scan, at least.
+const FEWEST_STEPS: f64 = 1000.0;
 
 /// The headers of all inputs, and what follows from them for the run.
 #[derive(Clone, Debug)]
@@ -162,11 +165,14 @@ impl Survey {
             )));
         }
 
+        check_size(&inputs)?;
+
         // Decide what follows for the run.
         let crs = inputs.iter().find_map(|input| input.crs.clone());
         let quantization = quantization(&inputs, &requested);
         let mut notes = notes(&inputs, &left_out, crs.as_ref());
         notes.extend(note_on_scale(&inputs, &quantization));
+        notes.extend(note_on_small_scan(&inputs));
         Ok(Self {
             record: RecordFormat::for_inputs(&inputs)?,
             quantization,
@@ -264,6 +270,48 @@ fn claimed_bounds(inputs: &[InputFile]) -> ([f64; 3], [f64; 3]) {
     bounds
 }
 
+/// The longest side of the bounding box of the sound claims of the headers (CRS units).
+fn widest_side(inputs: &[InputFile]) -> f64 {
+    let (min, max) = claimed_bounds(inputs);
+    (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max)
+}
+
+/// A note where a scan is so small that the finest steps of coordinates are noticeable beside the distances of its points.
+fn note_on_small_scan(inputs: &[InputFile]) -> Option<String> {
+    let input = inputs.iter().find(|input| input.has_finest_steps())?;
+    let points: u64 = inputs.iter().map(|input| input.points_claimed).sum();
+    let (widest, step) = (widest_side(inputs), input.finest_scale());
+    let distance = widest / (points as f64).sqrt();
+    (widest > 0.0 && distance < MIN_STEPS_PER_SPACING * step).then(|| {
+        format!(
+            "coordinates are rounded to {step:e}, in a scan whose points are about {distance:.1e} apart: multiply its coordinates if \
+             that is too coarse"
+        )
+    })
+}
+
+/// Refuses a scan that is so small that it would lose its shape in the finest steps of coordinates.
+///
+/// # Errors
+///
+/// [`JobError::Refused`] with the factor by which coordinates may be multiplied.
+fn check_size(inputs: &[InputFile]) -> Result<(), JobError> {
+    let Some(input) = inputs.iter().find(|input| input.has_finest_steps()) else {
+        return Ok(());
+    };
+    let (widest, step) = (widest_side(inputs), input.finest_scale());
+    // Equal points have no shape.
+    if widest == 0.0 || widest >= FEWEST_STEPS * step {
+        return Ok(());
+    }
+    let factor = -widest.log10().floor();
+    Err(JobError::Refused(format!(
+        "{}: the scan is {widest:.1e} across, and coordinates are kept in steps of {step:e} at the finest, in which it would lose its \
+         shape: multiply its coordinates, by 1e{factor} for example",
+        input.path.display()
+    )))
+}
+
 /// The smallest scale of `inputs`.
 fn finest_scale(inputs: &[InputFile]) -> f64 {
     let scales = inputs.iter().map(InputFile::finest_scale);
@@ -273,8 +321,7 @@ fn finest_scale(inputs: &[InputFile]) -> f64 {
 /// A note where the inputs are so wide that coordinates on `quantization` have coarser steps than theirs.
 fn note_on_scale(inputs: &[InputFile], quantization: &Quantization) -> Option<String> {
     let (finest, scale) = (finest_scale(inputs), quantization.scale);
-    let (min, max) = claimed_bounds(inputs);
-    let widest = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
+    let widest = widest_side(inputs);
     (scale > 1.01 * finest).then(|| {
         format!(
             "coordinates are rounded to {scale}, where the inputs have {finest}: with 32 bits they have no finer steps over a width of {widest:.0}; \

@@ -122,6 +122,16 @@ impl InputFile {
         self.source.is_remote()
     }
 
+    /// Whether the file has coordinates as floating-point numbers, on no scale of its own.
+    pub(super) fn is_of_vertices(&self) -> bool {
+        match &self.entry_points {
+            EntryPoints::Ply(_) => true,
+            #[cfg(feature = "e57")]
+            EntryPoints::E57(_) => true,
+            _ => false,
+        }
+    }
+
     /// The common name of the file's kind.
     pub(crate) fn kind(&self) -> &'static str {
         match &self.entry_points {

@@ -150,6 +150,14 @@ impl InputFile {
     }
 }
 
+impl InputFile {
+    /// Whether the coordinates of a PLY or E57 file have the finest steps that there are, so that those of a very small
+    /// scan are rounded.
+    pub(crate) fn has_finest_steps(&self) -> bool {
+        self.is_of_vertices() && self.scale.contains(&FINEST_SCALE)
+    }
+}
+
 /// The scale for points within `bounds`, a power of ten: finer than what single precision
 /// can distinguish, or a billionth of the extent.
 fn scale_for(bounds: &[[f64; 3]; 2], is_single: bool) -> f64 {
