@@ -197,7 +197,7 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
     pub(super) fn count_voxels(&mut self, options: &SolverOptions) -> Result<(), C::Error> {
         let tiles: Vec<Tile> = self.parts.iter().map(|part| part.0).collect();
         let thinning = Thinning::new(self.quantization, options);
-        let occupied = by_tile(&tiles, |tile| {
+        let occupied = by_tile(&tiles, self.cloud.most_gathered(), |tile| {
             let core = thinning.of_whole_voxels(&tile.core);
             let cells = self
                 .cloud
@@ -245,7 +245,7 @@ impl<'a, C: CountedCloud> Parts<'a, C> {
     ) -> Result<WeightedCounts, C::Error> {
         let tiles: Vec<Tile> = drawn.iter().map(|part| self.parts[part.index].0).collect();
         let thinning = Thinning::new(self.quantization, options);
-        let elected = by_tile(&tiles, |tile| {
+        let elected = by_tile(&tiles, self.cloud.most_gathered(), |tile| {
             let core = self.open_to_the_outside(&tile.core);
             let seen = thinning.of_whole_voxels(&core.grown(self.halo));
             let core = thinning.of_whole_voxels(&core);
@@ -328,13 +328,15 @@ fn seeds_that_count(seeds: SeedCounts) -> f64 {
 }
 
 /// The results of `work` for all `tiles`, in their order. Tiles are worked on in parallel, as many at a time
-/// as have no more than [`POINTS_IN_MEMORY`] points together once they are thinned.
+/// as have no more than [`POINTS_IN_MEMORY`] points together once they are thinned, and no more than `most_gathered` before.
 fn by_tile<T: Send, E: Send>(
     tiles: &[Tile],
+    most_gathered: u64,
     work: impl Fn(&Tile) -> Result<T, E> + Sync,
 ) -> Result<Vec<T>, E> {
     let most = tiles.iter().map(|tile| tile.points_seen).max().unwrap_or(0);
-    let at_a_time = (POINTS_IN_MEMORY / most.clamp(1, PART_THINNING_LIMIT)) as usize;
+    let thinned = POINTS_IN_MEMORY / most.clamp(1, PART_THINNING_LIMIT);
+    let at_a_time = thinned.min(most_gathered / most.max(1)).max(1) as usize;
     let mut results = Vec::with_capacity(tiles.len());
     for tiles in tiles.chunks(at_a_time) {
         let part: Result<Vec<T>, E> = tiles.par_iter().with_max_len(1).map(&work).collect();

@@ -27,6 +27,11 @@ pub(crate) trait CountedCloud: Sync {
     /// Edge of a counting square in stored units.
     fn square_edge(&self) -> i64;
 
+    /// Number of points that may be gathered and be in memory at a time, whatever is done with them.
+    fn most_gathered(&self) -> u64 {
+        u64::MAX
+    }
+
     /// The occupied counting squares: each by its south-west corner in units of squares, with the number of
     /// its points.
     fn squares(&self) -> impl Iterator<Item = ([i64; 2], u64)> + '_;

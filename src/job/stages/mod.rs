@@ -32,6 +32,7 @@ pub(crate) mod preparation;
 mod provenance;
 mod reprojection;
 mod round_spacings;
+mod sampled_spill;
 pub(crate) mod scan_groups;
 mod scanner_way;
 pub(crate) mod scatter;

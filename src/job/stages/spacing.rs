@@ -1,6 +1,6 @@
 //! The spacing of a job, chosen once for the whole cloud.
 
-use super::scattered_cloud::ScatteredCloud;
+use super::{sampled_spill::SampledSpill, scattered_cloud::ScatteredCloud};
 use crate::{
     job::{
         error::JobError,
@@ -8,7 +8,6 @@ use crate::{
         progress::Progress,
     },
     spacing::{MAX_SITES_PER_POINT, SpacingError, resolve},
-    tile::TileError,
 };
 
 /// Name of the file in the job directory that contains the spacing.
@@ -26,7 +25,8 @@ pub(super) fn choose_spacing(cloud: &ScatteredCloud<'_>) -> Result<(f64, u64), J
     }
     let (spill, settings) = (cloud.spill, &cloud.run.job.settings);
     let quantization = cloud.quantization();
-    let chosen = resolve(spill, quantization, &settings.solver, settings.target);
+    let sampled = SampledSpill::new(spill, cloud.budget());
+    let chosen = resolve(&sampled, quantization, &settings.solver, settings.target);
     let chosen = chosen.map_err(refusal)?;
     cloud.run.progress.note(&format!(
         "spacing {:.4}, about {} out of {}",
@@ -39,9 +39,9 @@ pub(super) fn choose_spacing(cloud: &ScatteredCloud<'_>) -> Result<(f64, u64), J
 }
 
 /// The error of a job that has no spacing, with the option to change.
-fn refusal(error: SpacingError<TileError>) -> JobError {
+fn refusal(error: SpacingError<JobError>) -> JobError {
     JobError::Refused(match error {
-        SpacingError::Gather(error) => return error.into(),
+        SpacingError::Gather(error) => return error,
         SpacingError::TooWide {
             spacing,
             extent: 0.0,
