@@ -25,7 +25,7 @@ pub(super) fn choose_spacing(cloud: &ScatteredCloud<'_>) -> Result<(f64, u64), J
     }
     let (spill, settings) = (cloud.spill, &cloud.run.job.settings);
     let quantization = cloud.quantization();
-    let sampled = SampledSpill::new(spill, cloud.budget());
+    let sampled = SampledSpill::new(spill, cloud.budget(), &settings.solver);
     let chosen = resolve(&sampled, quantization, &settings.solver, settings.target);
     let chosen = chosen.map_err(refusal)?;
     cloud.run.progress.note(&format!(

@@ -148,9 +148,7 @@ impl InputFile {
             finest_spacing: None,
         })
     }
-}
 
-impl InputFile {
     /// Whether the coordinates of a PLY or E57 file have the finest steps that there are, so that those of a very small
     /// scan are rounded.
     pub(crate) fn has_finest_steps(&self) -> bool {
