@@ -6,7 +6,7 @@ use las::Reader;
 use lloydar::internals::{Street, StreetOptions};
 
 use crate::{
-    running::{lloydar, points, report, run, simulated, succeed, text},
+    running::{points, report, run, simulated, succeed},
     solver::Dice,
 };
 
@@ -168,22 +168,4 @@ fn what_rules_cannot_do_is_said_before_anything_is_read() {
             "{unknown}"
         );
     }
-}
-
-#[test]
-fn what_memory_cannot_count_by_rules_is_refused_before_it_is_held() {
-    let dir = tempfile::tempdir().unwrap();
-    let scans = simulated(dir.path(), &["--length", "60", "--points", "3M"]);
-    let rules = dir.path().join("rules.toml");
-    let fine_poles = "spacing = 1\n[[rule]]\nclass = 15\nspacing = 0.05\n";
-    fs::write(&rules, fine_poles).unwrap();
-    let arguments = ["plan", text(&scans), "--memory", "96MiB", "--count", "4K"];
-    let done = lloydar(&[&arguments[..], &["--density", text(&rules)]].concat());
-    let said = String::from_utf8_lossy(&done.stderr);
-    assert!(!done.status.success(), "{said}");
-    let reason = "a part of the scan by which points of the output are counted holds ";
-    assert!(
-        said.contains(reason) && said.contains("give at least "),
-        "{said}"
-    );
 }

@@ -327,16 +327,22 @@ fn seeds_that_count(seeds: SeedCounts) -> f64 {
     (elected as f64).min(kept as f64 / (1.0 - COMING_SHARE))
 }
 
+/// The number of parts, each of at most `most` points, that have no more than [`POINTS_IN_MEMORY`] together once they are thinned, and
+/// no more than `most_gathered` before; one at least.
+fn parts_at_a_time(most: u64, most_gathered: u64) -> usize {
+    let thinned = POINTS_IN_MEMORY / most.clamp(1, PART_THINNING_LIMIT);
+    thinned.min(most_gathered / most.max(1)).max(1) as usize
+}
+
 /// The results of `work` for all `tiles`, in their order. Tiles are worked on in parallel, as many at a time
-/// as have no more than [`POINTS_IN_MEMORY`] points together once they are thinned, and no more than `most_gathered` before.
+/// as fit the memory in which `most_gathered` points may be gathered.
 fn by_tile<T: Send, E: Send>(
     tiles: &[Tile],
     most_gathered: u64,
     work: impl Fn(&Tile) -> Result<T, E> + Sync,
 ) -> Result<Vec<T>, E> {
     let most = tiles.iter().map(|tile| tile.points_seen).max().unwrap_or(0);
-    let thinned = POINTS_IN_MEMORY / most.clamp(1, PART_THINNING_LIMIT);
-    let at_a_time = thinned.min(most_gathered / most.max(1)).max(1) as usize;
+    let at_a_time = parts_at_a_time(most, most_gathered);
     let mut results = Vec::with_capacity(tiles.len());
     for tiles in tiles.chunks(at_a_time) {
         let part: Result<Vec<T>, E> = tiles.par_iter().with_max_len(1).map(&work).collect();
@@ -394,6 +400,22 @@ mod tests {
         assert_eq!([1000, 950].map(counted), [1000.0; 2]);
         assert!((counted(475) - 500.0).abs() < 1e-9);
         assert_eq!(counted(0), 0.0);
+    }
+
+    #[test]
+    fn a_small_budget_has_fewer_parts_in_memory_and_one_at_least() {
+        // Points in a part, points that may be gathered, parts at a time.
+        let cases = [
+            (500_000, u64::MAX, 4),
+            (3_000_000, u64::MAX, 4),
+            (500_000, 1_100_000, 2),
+            (500_000, 400_000, 1),
+            (3_000_000, 2_999_999, 1),
+            (0, 0, 1),
+        ];
+        for (points, gathered, expected) in cases {
+            assert_eq!(parts_at_a_time(points, gathered).min(4), expected);
+        }
     }
 
     #[test]
