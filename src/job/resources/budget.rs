@@ -33,8 +33,8 @@ const BYTES_PER_SEED: f64 = 700.0;
 /// Share of the cost of a tile that its points and voxels take before it is solved, at most.
 const WAITING_SHARE: f64 = 0.5;
 /// Share of the budget that a tile may use, because the allocator does not return all memory at
-/// once. With it, and 750 bytes per seed, tiles that just fitted 256 MiB had peaks of 0.60 to 0.72 of that on
-/// thirteen real scans, of 0.78 on simulated streets, and of 0.92 in the crowns of trees, where points cost most; with 700 bytes a job of
+/// once. With it, and 750 bytes per seed, tiles that just fitted 256 MiB had peaks of up to 0.73 of that on
+/// twelve real scans, of 0.78 on simulated streets, and of 0.92 in the crowns of trees, where points cost most; with 700 bytes a job of
 /// five tiles had one of 0.90 of 1 GiB.
 const USABLE_SHARE: f64 = 0.8;
 /// Share of the budget that scattered points may take; tiles have the rest.
