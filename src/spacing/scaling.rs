@@ -25,7 +25,7 @@ const CORRECTABLE_OF_FEW: f64 = 0.02;
 /// With fewer sites than this there are few.
 const FEW_SITES: f64 = 10_000.0;
 /// That error where there are few points, too, so that seeds are elected in no time: a spacing is tried until it is taken as it is. Over
-/// 12 small scans and counts the excess of the energy is 0.94 times (geometric mean) what it is with the error of few sites, and half of
+/// ten small scans and counts the excess of the energy is 0.92 times (geometric mean) what it is with the error of few sites, and half of
 /// it on a nearly plane scan, where 66 sites of 7 043 would have to leave.
 const CORRECTABLE_OF_FEW_POINTS: f64 = 0.0;
 /// With fewer points than this there are few.

@@ -65,6 +65,7 @@ impl Lists {
         spacings: &SiteSpacings,
         field: &SpacingField,
     ) {
+        // The former grid makes room for the next.
         self.grid = field.grid(&[], SITE_CELL_IN_SPACINGS);
         self.grid = field.grid_by(positions, spacings.of_sites(), SITE_CELL_IN_SPACINGS);
         self.positions.clear();
