@@ -24,6 +24,11 @@ pub(crate) fn by_position(a: &Local, b: &Local) -> Ordering {
     a.iter().partial_cmp(b.iter()).unwrap_or(Ordering::Equal)
 }
 
+/// The longest side of the box between `min` and `max` (world coordinates).
+pub(crate) fn longest_side(min: [f64; 3], max: [f64; 3]) -> f64 {
+    (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max)
+}
+
 /// A point as stored: integers on the run's scale and offset.
 ///
 /// Ordered by `x`, then `y`, then `z`.
@@ -64,7 +69,7 @@ impl Quantization {
     /// that is too fine for the extent, ten times coarser until it is not. The
     /// offset is near the middle, on the grid of the scale.
     pub fn around(min: [f64; 3], max: [f64; 3], mut scale: f64) -> Self {
-        let extent = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
+        let extent = longest_side(min, max);
         while extent / scale > Self::WIDEST {
             scale *= 10.0;
         }
@@ -86,7 +91,7 @@ impl Quantization {
         mut scale: f64,
         spacing: Option<f64>,
     ) -> Self {
-        let extent = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
+        let extent = longest_side(min, max);
         if let Some(spacing) = spacing.filter(|s| *s > 0.0) {
             while scale > spacing / MIN_STEPS_PER_SPACING && extent / scale < Self::WIDEST / 10.0 {
                 scale /= 10.0;

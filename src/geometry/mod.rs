@@ -43,7 +43,7 @@ pub(crate) use cell::MOST_EDGES;
 pub(crate) use cell_index::{CellIndex, cell_of};
 pub(crate) use cell_order::CellOrder;
 pub use coordinates::{Local, Quantization, Rect, Stored};
-pub(crate) use coordinates::{MIN_STEPS_PER_SPACING, by_position};
+pub(crate) use coordinates::{MIN_STEPS_PER_SPACING, by_position, longest_side};
 pub(crate) use distinct_cells::DistinctCells;
 pub(crate) use facet_samples::FacetSample;
 pub(crate) use facets::{Facets, SharpEdge};

@@ -22,7 +22,7 @@ pub use options::Options;
 pub use resampled::{Resampled, Ring};
 
 use crate::{
-    geometry::{Local, NearestPoints, Quantization, Stored},
+    geometry::{Local, NearestPoints, Quantization, Stored, longest_side},
     lloyd::{
         Scan, Site, Solution, SolverOptions, TileRegion, WantedCount, solve_with_rings, uniformity,
     },
@@ -210,7 +210,7 @@ impl Cloud {
                 max[axis] = max[axis].max(point[axis]);
             }
         }
-        let extent = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
+        let extent = longest_side(min, max);
         if extent > 0.0 && extent < SHORTEST_LENGTH {
             return Err(ResampleError::TooSmall { extent });
         }

@@ -21,7 +21,7 @@ pub(crate) use round::{RoundSpacing, RoundSpacings, VoxelCounts};
 pub(crate) use search::{estimated_count, spacing_for_count};
 
 use crate::{
-    geometry::Quantization,
+    geometry::{Quantization, longest_side},
     lloyd::{AREA_PER_SEED, SolverSettings, WantedCount},
     tiling::CountedCloud,
 };
@@ -58,7 +58,7 @@ impl Target {
     /// The spacing that meets the target if the points between `min` and `max` lay on a flat square; nothing
     /// is known of it for a ratio.
     pub(crate) fn spacing_of_a_square(self, min: [f64; 3], max: [f64; 3]) -> Option<f64> {
-        let extent = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
+        let extent = longest_side(min, max);
         match self {
             Self::Spacing(spacing) => Some(spacing),
             Self::Count(count) => Some(extent / (count as f64).sqrt()),

@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError, atomic::AtomicBool};
 use super::{all_points::AllPoints, survey::Survey};
 use crate::{
     config::Settings,
-    geometry::Stored,
+    geometry::{Stored, longest_side},
     job::{context::RunContext, description::JobDescription, error::JobError, progress::Progress},
     spacing::{RoundSpacings, Target, VoxelCounts},
 };
@@ -39,7 +39,7 @@ impl JobDescription {
 /// Counts the voxels of all points of `survey`, in as many threads as there is memory for decoders.
 fn count_voxels(run: &RunContext<'_>, survey: &Survey) -> Result<VoxelCounts, JobError> {
     let (min, max) = survey.claimed_bounds();
-    let extent = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
+    let extent = longest_side(min, max);
     let empty = VoxelCounts::new(&survey.quantization, extent);
     // Each thread counts on its own.
     let all = Mutex::new(empty.clone());

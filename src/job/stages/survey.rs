@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::{compatibility::differences, reprojection::reprojected};
 use crate::{
     config::Settings,
-    geometry::{MIN_STEPS_PER_SPACING, Quantization},
+    geometry::{MIN_STEPS_PER_SPACING, Quantization, longest_side},
     job::error::{JobError, LeftOut},
     las::{
         Crs, InputFile, OctreeLevels, PointFilter, RecordFormat, ReprojectionTarget, Vlr,
@@ -273,7 +273,7 @@ fn claimed_bounds(inputs: &[InputFile]) -> ([f64; 3], [f64; 3]) {
 /// The longest side of the bounding box of the sound claims of the headers (CRS units).
 fn widest_side(inputs: &[InputFile]) -> f64 {
     let (min, max) = claimed_bounds(inputs);
-    (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max)
+    longest_side(min, max)
 }
 
 /// A note where a scan is so small that the finest steps of coordinates are noticeable beside the distances of its points.

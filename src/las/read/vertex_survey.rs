@@ -12,6 +12,7 @@ use super::{
     ply::PlyFile,
 };
 use crate::{
+    geometry::longest_side,
     las::{
         error::LasError,
         format::{extra_bytes::total_length, vertex_layout::VertexLayout},
@@ -160,7 +161,7 @@ impl InputFile {
 /// can distinguish, or a billionth of the extent.
 fn scale_for(bounds: &[[f64; 3]; 2], is_single: bool) -> f64 {
     let [min, max] = bounds;
-    let extent = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
+    let extent = longest_side(*min, *max);
     let sides = bounds.iter().flatten();
     let farthest = sides.fold(0.0, |f: f64, c| f.max(c.abs()));
     let finest = match is_single {
